@@ -5,7 +5,7 @@ export PYTHONDONTWRITEBYTECODE :=
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test types tests seeds libraries lock clean
+.PHONY: demo test types tests narrow oldest seeds libraries lock clean
 
 demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
@@ -21,6 +21,15 @@ types:
 
 tests:
 	$(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+
+# The tests as on other processors: with narrow vectors of the renderer, and with the oldest kernels
+# of OpenBLAS, NumPy and Numba.
+narrow: libraries
+	VBAA_BENCH_VECTOR_WIDTH=4 $(MAKE) --no-print-directory tests
+
+oldest: libraries
+	OPENBLAS_CORETYPE=Prescott NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR" NUMBA_CPU_NAME=x86-64 \
+		$(MAKE) --no-print-directory tests
 
 # By how many standard deviations assertions hold, over 20 seeds:  make seeds PART=1/8 TESTS=tests/solver
 PART ?= 1/1

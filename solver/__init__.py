@@ -16,7 +16,7 @@ from solver.instrument import MAX_PIXELS
 if TYPE_CHECKING:
     from solver.api import CalibratedRig, open_rig
     from solver.instrument.errors import InputError
-    from solver.instrument.estimate import Estimate, Outcome
+    from solver.instrument.estimate import Assumption, Estimate, Outcome
     from solver.instrument.measurement import Measurement
     from solver.instrument.observation import open_observations
     from solver.methods import METHODS
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "METHODS",
+    "Assumption",
     "CalibratedRig",
     "Estimate",
     "InputError",
@@ -41,6 +42,7 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
 # Imported when first used: numba and SciPy take a second.
 _MODULE_OF = {
     "METHODS": "methods",
+    "Assumption": "instrument.estimate",
     "CalibratedRig": "api",
     "Estimate": "instrument.estimate",
     "InputError": "instrument.errors",

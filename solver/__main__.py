@@ -1,7 +1,9 @@
 """Command line of the solver: `python -m solver OBSERVATIONS --method exact_fit`."""
 
 import os
+import sys
 
+from solver.instrument.errors import InputError
 from solver.instrument.quick_imports import quick_imports
 
 # Linear algebra in one thread: matrices are small, and threads that wait for each other slow down
@@ -12,6 +14,9 @@ try:
         from solver.lab.command_line import main
 except KeyboardInterrupt:
     raise SystemExit(130) from None
+except InputError as error:
+    print(f"error: {error}", file=sys.stderr)
+    raise SystemExit(2) from None
 
 __all__ = ["main"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from solver.at_rest.learn import AtRest
 from solver.at_rest.pose import Rest
 from solver.calibrate import Calibration
-from solver.centreline import Extractor
+from solver.centreline.extractor import Extractor
 from solver.instrument.arrays import Floats
 from solver.instrument.gray_scale import EIGHT_BIT, GrayScale
 from solver.instrument.measurement import Tip

@@ -1,15 +1,20 @@
 """Open a rig for Python programs: calibrate once, then estimate frame by frame."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from solver.antenna import Antenna
 from solver.centreline.extractors import find_extractor
 from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import open_rig as open_rig_files
 from solver.lab.check import CalibrationReport, calibration_report
 from solver.lab.live import warm_up
-from solver.methods import Method
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
+from solver.learning.learn import LearnedBeam
+from solver.methods import LEARNING, METHODS, Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from solver.tracker import PushTracker
@@ -19,21 +24,38 @@ from solver.tracker import PushTracker
 class CalibratedRig:
     """A rig whose camera is calibrated and whose beam at rest is known.
 
-    `rest_image` (height, width) is its first image at rest.
+    `rest_image` (height, width) is its first image at rest. `beam` is what `learn` has learned.
     """
 
     antenna: Antenna
     rest_image: Grey
+    beam: LearnedBeam | None = None
 
     def tracker(self, method: str | Method = "exact_fit", *, warm: bool = False) -> PushTracker:
         """Return a tracker with the memory of one push, by a method's name or a function.
 
-        `warm` compiles all code for a frame beforehand. Raises InputError for an unknown name.
+        `warm` compiles all code for a frame beforehand. Raises InputError for an unknown name, and
+        for a method that learns the beam unless `learn` has learned it.
         """
         function = find_method(method) if isinstance(method, str) else method
+        name = next((name for name in LEARNING if METHODS[name] is function), None)
+        if name and self.beam is None:
+            raise InputError(
+                f"method '{name}' learns the beam before the first frame: "
+                f"use rig.learn(frames).tracker('{name}')"
+            )
         if warm:
             warm_up(self.antenna, function, self.rest_image)
         return PushTracker(self.antenna, function)
+
+    def learn(self, frames: Sequence[ImageFrame]) -> "CalibratedRig":
+        """Return the rig with the beam that images of pushes show, as those of `Observations`.
+
+        With splits, the frames of the split "learn" are used. Raises InputError if no beam can be
+        learned from them.
+        """
+        beam = learn_from_frames(self.antenna, frames_to_learn(frames))
+        return replace(self, antenna=with_learned(self.antenna, beam), beam=beam)
 
     def check(self) -> CalibrationReport:
         """Return the calibration's quality, and contradictions of rest images and rig.json."""

@@ -13,6 +13,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.compiled import compiled_functions
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig
+from solver.instrument.safe_path import PYTHON
 from solver.methods.exact_fit import exact_fit
 
 # Displacement of outliers: every fit rejects them, and succeeds with the other points.
@@ -41,7 +42,7 @@ def fits_compiled_beside(rig: Rig) -> Iterator[None]:
     if compiled is None or _LAST_OF_FITS in compiled:
         yield
         return
-    command = [sys.executable, "-c", _CHILD, json.dumps(sys.path)]
+    command = [*PYTHON, "-c", _CHILD, json.dumps(sys.path)]
     child = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )

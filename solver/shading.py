@@ -54,7 +54,7 @@ def shading_of(antenna: Antenna, points: Floats, turn: Floats) -> Shading:
     x = points[:, 0] - rig.base_position[0]
     moved = points[:, 1] - rest.y_at_clamp - rest.slope * x
     along = rig.light_slope + gradient * (x - rig.beam.length / 2)
-    size, sine = SHADING * antenna.at_rest.shading * rig.beam.radius, np.sin(turn)
+    size, sine = SHADING * antenna.extract.shading * rig.beam.radius, np.sin(turn)
     shift = size * (gradient * moved * np.cos(turn) - along * sine)
     errors = np.stack([size * rig.light_slope_sigma * sine, SHADING_SIGMA * shift], axis=1)
     return Shading(shift, errors)
@@ -67,5 +67,5 @@ def axis_sigma(antenna: Antenna) -> float:
     since rest; the place in Sigma_a depends on the axis.
     """
     rig = antenna.rig
-    shift = SHADING * abs(antenna.at_rest.shading) * rig.light_across
+    shift = SHADING * abs(antenna.extract.shading) * rig.light_across
     return min(shift, MAX_SHADING) * rig.beam.radius

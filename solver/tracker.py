@@ -1,6 +1,7 @@
 """Tracking of a push: image -> centreline -> measurement -> estimate, offline or live."""
 
 import time
+import traceback
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,8 +11,8 @@ from solver.antenna import Antenna
 from solver.at_rest.image_shift import image_shift
 from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.errors import InputError, described
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.images import to_grey
 from solver.instrument.measurement import Measurement
@@ -29,13 +30,15 @@ class FrameSolution:
     """One frame's estimate, the centreline it came from, and the time it took [s].
 
     `line` is None where the image could not be used; times start with the image in memory.
-    `processor_seconds` leaves out the time in which other programs ran.
+    `processor_seconds` leaves out the time in which other programs ran. `traceback` is that of an
+    error in the program, which has the outcome "crashed"; it is "" if there was none.
     """
 
     estimate: Estimate
     line: Centreline | None
     seconds: float
     processor_seconds: float
+    traceback: str = ""
 
 
 class PushTracker:
@@ -56,20 +59,21 @@ class PushTracker:
         """Estimate from the next image (height, width); any failure becomes an outcome."""
         if push_id != self._push_id:
             self._push, self._push_id = [], push_id
-        line, measurement = None, None
+        line, measurement, trace = None, None, ""
         start, processor_start = time.perf_counter(), time.process_time()
         try:
             line = extract_centreline(self._antenna, image)
             refusal = reject_moved_camera(self._antenna, image)
             if refusal is None:
                 measurement = to_measurement(self._antenna, line, readings, self._push)
-                estimate = run_method(self._method, measurement, line.remark)
+                estimate = _estimate(self._method, measurement, line.remark)
             else:
                 estimate = refusal
-        except (InputError, ValueError) as error:
+        except InputError as error:
             estimate = Estimate(Outcome.INVALID, str(error))
-        except Exception as error:  # noqa: BLE001 - any failure is a row in the table
-            estimate = Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
+            estimate = Estimate(Outcome.CRASHED, described(error))
+            trace = "".join(traceback.format_exception(error))
         seconds = time.perf_counter() - start
         processor_seconds = time.process_time() - processor_start
         if measurement is not None:
@@ -77,7 +81,7 @@ class PushTracker:
                 self._push = []
             else:
                 self._remember(measurement)
-        return FrameSolution(estimate, line, seconds, processor_seconds)
+        return FrameSolution(estimate, line, seconds, processor_seconds, trace)
 
     def update(
         self,
@@ -85,21 +89,30 @@ class PushTracker:
         *,
         motor_angle_deg: float | None = None,
         moment_y_n_mm: float | None = None,
+        base_force_n: ArrayLike | None = None,
+        base_moment_n_mm: ArrayLike | None = None,
         push_id: str = "",
     ) -> Estimate:
         """Estimate from the next image of a camera and the readings taken with it.
 
         `image` (height, width) is gray, or (height, width, 3) in OpenCV's order, of 8 or 16 bits;
-        the rig's channel of a colour image is used. Any failure becomes an outcome.
+        the rig's channel of a colour image is used. `base_force_n` and `base_moment_n_mm` (3,) are
+        the force sensor's readings in Sigma_a. Any failure becomes an outcome; `solve` also gives
+        the traceback of an error in the program.
         """
-        readings = Readings(
-            motor_angle=None if motor_angle_deg is None else motor_angle_deg * DEGREE,
-            moment_y=None if moment_y_n_mm is None else moment_y_n_mm * MILLIMETRE,
-        )
         try:
+            force, moment = base_force_n, base_moment_n_mm
+            readings = Readings(
+                motor_angle=None if motor_angle_deg is None else motor_angle_deg * DEGREE,
+                moment_y=None if moment_y_n_mm is None else moment_y_n_mm * MILLIMETRE,
+                base_force=None if force is None else _vector(force),
+                base_moment=None if moment is None else _vector(np.multiply(moment, MILLIMETRE)),
+            )
             gray = to_grey(np.asarray(image), "the image", self._antenna.rig.channel)
         except InputError as error:
             return Estimate(Outcome.INVALID, str(error))
+        except Exception as error:  # noqa: BLE001 - a loop in a laboratory must not end here
+            return Estimate(Outcome.CRASHED, described(error))
         return self.solve(gray, readings, push_id).estimate
 
     def _remember(self, measurement: Measurement) -> None:
@@ -150,20 +163,36 @@ def reject_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
         Outcome.CAMERA_MOVED,
         f"the image has shifted by {shift.du:.2f} px along its rows and {shift.dv:.2f} px down "
         "since the rest images: record new ones",
+        assumption=Assumption.CAMERA_AT_REST,
     )
 
 
 def run_method(method: Method, measurement: Measurement, remark: str = "") -> Estimate:
     """Run a method on a measurement; any error or other result gives the outcome "crashed".
 
-    A `remark` on the image is added to the message.
+    A `remark` on the light of the image is added to the message; a misfit that contradicts nothing
+    else contradicts the light.
     """
     try:
-        result: object = method(measurement)
+        return _estimate(method, measurement, remark)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
-        return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
+        return Estimate(Outcome.CRASHED, described(error))
+
+
+def _estimate(method: Method, measurement: Measurement, remark: str) -> Estimate:
+    """Run a method, whose errors are raised."""
+    result: object = method(measurement)
     if not isinstance(result, Estimate):  # an external method may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(result).__name__}, not an Estimate")
     if not remark:
         return result
-    return replace(result, message="; ".join(filter(None, (result.message, remark))))
+    assumption = result.assumption
+    if result.outcome is Outcome.INVALID and assumption is None:
+        assumption = Assumption.LIGHT
+    message = "; ".join(filter(None, (result.message, remark)))
+    return replace(result, message=message, assumption=assumption)
+
+
+def _vector(values: ArrayLike) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in np.asarray(values, np.float64).ravel())
+    return x, y, z

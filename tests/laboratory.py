@@ -9,7 +9,7 @@ from solver.at_rest.landmarks import learn_landmarks
 from solver.at_rest.learn import AtRest, learn_at_rest
 from solver.at_rest.pose import Rest
 from solver.calibrate import Calibration
-from solver.centreline import down_columns
+from solver.centreline import Centreline, down_columns
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
@@ -20,7 +20,18 @@ from tests.beam_images import HEIGHT, LENGTH, RADIUS, WIDTH, bent, guide
 from tests.simulated import rig as reference
 
 GUIDE = guide()
+NOISE = Noise(1.0, 0.0)
 CALIBRATION = Calibration(GUIDE.camera, 0.02)
+
+
+class Blind:
+    """Extractor that finds no beam. The ground is black: shading moves the middle fully."""
+
+    shading = 1.0
+    detector = None
+
+    def __call__(self, _image: Grey) -> Centreline:
+        return down_columns(np.empty((0, 2)), np.empty(0))
 
 
 def rig() -> Rig:
@@ -37,9 +48,8 @@ def at_rest(images: list[Grey], seen_by: Guide = GUIDE) -> AtRest:
 def antenna_with(rest: Rest) -> Antenna:
     """An antenna whose course at rest is `rest`, without landmarks in view."""
     even = np.full((HEIGHT, WIDTH), 50, np.uint8)
-    marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, Noise(1.0, 0.0))
-    extract = lambda _image: down_columns(np.empty((0, 2)), np.empty(0))  # noqa: E731
-    return Antenna(rig(), CALIBRATION, AtRest(extract, rest, marks, None, None, 0, (), 0.0))
+    marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, NOISE)
+    return Antenna(rig(), CALIBRATION, AtRest(Blind(), rest, marks, NOISE, None, None, 0, (), 0.0))
 
 
 def antenna(images: list[Grey]) -> Antenna:

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.at_rest.landmarks import Landmarks, learn_landmarks
+from solver.at_rest.motion import moved
 from solver.at_rest.pose import Rest, disagreements, learn_rest
 from solver.at_rest.thresholds import LIMITS
 from solver.calibrate import Calibration
-from solver.centreline import Centreline, Extractor
-from solver.centreline.extractor import BeamExtractor
+from solver.centreline import Centreline
+from solver.centreline.extractor import Extractor
 from solver.centreline.guide import Guide
-from solver.centreline.noise import estimate_noise
+from solver.centreline.noise import Noise, estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -39,16 +40,18 @@ BEYOND_TIP = 1.08
 class AtRest:
     """Results learned from the rest images.
 
-    `copies` counts the images that repeat another one, `rejected` holds the indices, among the
-    distinct images, of those that disagree with the others, `disagreement_px` is the largest
-    difference among the images that were used. `tip` (2,) [px] is the image of the free end and
-    `tip_covariance` (2, 2) [px^2] its covariance; None where it is not detected. Then `length_seen`
-    [m] is the distance from the clamp to an end farther away, None where there is none either.
+    `noise` is that of the gray values, `copies` counts the images that repeat another one,
+    `rejected` holds the indices, among the distinct images, of those that disagree with the others,
+    `disagreement_px` is the largest difference among the images that were used. `tip` (2,) [px] is
+    the image of the free end and `tip_covariance` (2, 2) [px^2] its covariance; None where it is
+    not detected. Then `length_seen` [m] is the distance from the clamp to an end farther away, None
+    where there is none either.
     """
 
     extract: Extractor
     rest: Rest
     landmarks: Landmarks
+    noise: Noise
     tip: Floats | None
     tip_covariance: Floats | None
     copies: int
@@ -56,21 +59,14 @@ class AtRest:
     disagreement_px: float
     length_seen: float | None = None
 
-    @property
-    def shading(self) -> float:
-        """Weight of the beam's own shading in its contrast, as in `Appearance`."""
-        if isinstance(self.extract, BeamExtractor):
-            return self.extract.appearance.shading
-        return 1.0
-
 
 def learn_at_rest(
     images: Sequence[Grey], guide: Guide, learn: Learn, calibration: Calibration, rig: Rig
 ) -> AtRest:
     """Learn the beam at rest from gray images (height, width) of it.
 
-    `learn` makes the extractor. Raises InputError where the images show no beam, or show it in
-    different places.
+    `learn` makes the extractor. Raises InputError where the images show no beam, show it in
+    different places, or with too little contrast to find its place.
     """
     distinct = _distinct(images)
     extract, lines = _learn_extractor(distinct, guide, learn)
@@ -84,7 +80,7 @@ def learn_at_rest(
         used, outliers = distinct, ()
     largest = float(deviations.max(initial=0.0))
     if largest > LIMITS.max_disagreement_px:
-        raise _motion_error(largest)
+        raise _placing_error(largest, used, lines, guide)
     noise = estimate_noise(used)
     rest = learn_rest(lines, calibration, rig)
     _check_direction(rest, extract, used[0], lines[0], rig)
@@ -94,16 +90,19 @@ def learn_at_rest(
     tip, tip_covariance = _mean_tip(lines)
     copies = len(images) - len(distinct)
     seen = _length_seen(extract, used[0]) if tip is None else None
-    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, outliers, largest, seen)
+    return AtRest(
+        extract, rest, landmarks, noise, tip, tip_covariance, copies, outliers, largest, seen
+    )
 
 
 def _length_seen(extract: Extractor, image: Grey) -> float | None:
     """Look for the free end [m] of a beam that is longer than the rig states."""
-    if not isinstance(extract, BeamExtractor):
+    detector = extract.detector
+    if detector is None:
         return None
     for factor in _LONGER:
-        longer = replace(extract.guide, length=factor * extract.guide.length)
-        tip = replace(extract, guide=longer)(image).tip
+        longer = replace(detector.guide, length=factor * detector.guide.length)
+        tip = replace(detector, guide=longer)(image).tip
         if tip is not None:
             return float(longer.places(tip[None])[0, 0])
     return None
@@ -129,9 +128,10 @@ def _check_direction(
             f"the beam at rest is at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
             f"are {LIMITS.max_misalignment / DEGREE:.0f}: correct the third number of {key}"
         )
-    if line.tip is None and isinstance(extract, BeamExtractor):
-        turned = extract.guide.turned_about()
-        end = replace(extract, guide=turned)(image)
+    detector = extract.detector
+    if line.tip is None and detector is not None:
+        turned = detector.guide.turned_about()
+        end = replace(detector, guide=turned)(image)
         if end.tip is None or end.tip_covariance is None:
             return
         # A clamp's edge may look like a tip: the tip is at the beam's length, within three sigmas.
@@ -172,17 +172,28 @@ def _learn_extractor(
         # Where the camera moved between the images, each of them may show the beam well.
         if len(images) > 1:
             single = learn(images[:1], guide)
-            largest = float(disagreements([single(image) for image in images]).max(initial=0.0))
+            lines = [single(image) for image in images]
+            largest = float(disagreements(lines).max(initial=0.0))
             if largest > LIMITS.max_disagreement_px:
-                raise _motion_error(largest) from None
+                raise _placing_error(largest, images, lines, guide) from None
         raise
     return extract, [extract(image) for image in images]
 
 
-def _motion_error(largest: float) -> InputError:
+def _placing_error(
+    largest: float, images: Sequence[Grey], lines: Sequence[Centreline], guide: Guide
+) -> InputError:
+    """Explain why images (height, width) show the beam `largest` [px] apart, at their `lines`."""
+    if moved(images, lines, guide.radius_px):
+        return InputError(
+            f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
+            "camera or the beam moved, or image stabilisation is on; take them again with both at "
+            "rest"
+        )
     return InputError(
-        f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
-        "camera or the beam moved, or image stabilisation is on; take them again with both at rest"
+        f"the contrast of the beam is too low: its places in the rest images are up to "
+        f"{largest:.2f} px apart, although nothing in them moved; use a plain ground that is "
+        "darker or brighter than the beam, more light, or a sharper focus"
     )
 
 

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from solver.calibrate.board_detection import BoardDetection
+from solver.calibrate.calibration import UNDETERMINED
 from solver.calibrate.calibration import Calibration as Calibration
 from solver.calibrate.lines import line_network
 from solver.calibrate.pinhole import pinhole
@@ -76,11 +77,8 @@ def calibrate(board_views: Iterable[Grey], rig: Rig, quarter_turns: int = 0) -> 
             calibration = plane_alone(valid[0], width, height, rig)
         else:
             calibration = pinhole(valid, width, height, rig)
-    except (cv2.error, np.linalg.LinAlgError, ValueError) as error:
-        raise InputError(
-            "the calibration views do not determine the camera: check the board's size in "
-            "rig.json, and tilt the board differently in each view but the first"
-        ) from error
+    except (cv2.error, np.linalg.LinAlgError) as error:
+        raise InputError(UNDETERMINED) from error
     offsets = np.linspace(0, rig.beam.length, _BEAM_SAMPLES)[:, None] * [1.0, 0.0, 0.0]
     points = rig.base_position + offsets
     visible = calibration.camera.shows(points)

@@ -1,9 +1,18 @@
 """Result of a camera calibration."""
 
 from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
+
+UNDETERMINED: Final = (
+    "the calibration views do not determine the camera: check the board's size in "
+    "rig.json, and tilt the board differently in each view but the first"
+)
 
 
 @dataclass(frozen=True)
@@ -20,3 +29,10 @@ class Calibration:
     reprojection_px: float
     covariance: Floats | None = None
     viewpoint_known: bool = True
+
+
+def determined(values: Floats) -> Floats:
+    """Return parameters (n,) of a camera. Raises InputError if one of them is not finite."""
+    if not np.isfinite(values).all():
+        raise InputError(UNDETERMINED)
+    return values

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from solver.calibrate.board_detection import BoardDetection
-from solver.calibrate.calibration import Calibration
+from solver.calibrate.calibration import Calibration, determined
 from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board
@@ -65,11 +65,14 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
 def _adjust_bundle(
     rig: Rig, detections: Sequence[BoardDetection], width: int, height: int
 ) -> tuple["Bundle", Any]:
-    """Run the bundle adjustment; return the bundle and the least-squares result."""
+    """Run the bundle adjustment; return the bundle and the least-squares result.
+
+    Raises InputError if the views do not determine the camera.
+    """
     bundle = Bundle(rig.board, detections, rig.distortion_coefficients)
     fit: Any = least_squares(
         bundle.residuals,
-        bundle.start(width, height),
+        determined(bundle.start(width, height)),
         bundle.jacobian,
         method="lm",
         x_scale="jac",
@@ -77,6 +80,7 @@ def _adjust_bundle(
         ftol=_TOLERANCE,
         gtol=_TOLERANCE,
     )
+    determined(fit.x)
     return bundle, fit
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from solver.calibrate.board_detection import BoardDetection
-from solver.calibrate.calibration import Calibration
+from solver.calibrate.calibration import Calibration, determined
 from solver.calibrate.pinhole import Bundle
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
@@ -27,7 +27,8 @@ _PRIOR_PX: Final = 0.02
 def plane_alone(lying: BoardDetection, width: int, height: int, rig: Rig) -> Calibration:
     """Calibrate a camera with square pixels that reproduces the board of view 0.
 
-    Its map of plane C is that of the best homography; its viewpoint is not known.
+    Its map of plane C is that of the best homography; its viewpoint is not known. Raises
+    InputError if the view does not determine the map.
     """
     bundle = Bundle(rig.board, [lying], 0)
     prior_mean = np.array([width, (width - 1) / 2, (height - 1) / 2])
@@ -42,7 +43,7 @@ def plane_alone(lying: BoardDetection, width: int, height: int, rig: Rig) -> Cal
         prior[:, :3] = np.diag(_PRIOR_PX / sigma)
         return np.vstack([bundle.jacobian(values), prior])
 
-    start = np.concatenate([prior_mean, bundle.posed(prior_mean)])
+    start = determined(np.concatenate([prior_mean, bundle.posed(prior_mean)]))
     fit: Any = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")
     focal, cx, cy = (float(v) for v in fit.x[:3])
     pose = rigid(*bundle.pose(fit.x, 0)) @ invert(rig.antenna_from_board)

@@ -39,21 +39,31 @@ def calibration_uncertainty(calibration: Calibration, rig: Rig) -> CalibrationUn
     pixels = camera.project(points)
     # The line through the errors along the beam: its value at the clamp, and its slope.
     line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))
-    sigma = np.sqrt(np.diag(calibration.covariance))
-    jacobian = np.empty((4, len(sigma)))
-    # Steps are small enough to be linear: parameters are jointly more certain than each alone.
-    for i, step in enumerate(1e-3 * sigma):
-        change = np.zeros_like(sigma)
-        change[i] = step
-        shifted, _ = on_plane(_changed_camera(camera, change, rig), pixels, np.zeros_like(pixels))
-        jacobian[:2, i] = line @ (shifted[:, 0] - points[:, 0]) / (step or 1.0)
-        jacobian[2:, i] = line @ (shifted[:, 1] - points[:, 1]) / (step or 1.0)
+    by_parameters = plane_jacobian(calibration, rig, pixels)
+    jacobian = np.vstack([line @ by_parameters[:, 0], line @ by_parameters[:, 1]])
     variance = np.diag(jacobian @ calibration.covariance @ jacobian.T)
     return CalibrationUncertainty(*(float(value) for value in np.sqrt(np.maximum(variance, 0.0))))
 
 
+def plane_jacobian(calibration: Calibration, rig: Rig, pixels: Floats) -> Floats:
+    """Differentiate the points on plane C of pixels (n, 2) by the k parameters of the covariance.
+
+    Return x and y of each point (n, 2, k), in metres over the parameters' units.
+    """
+    assert calibration.covariance is not None
+    camera, straight = calibration.camera, np.zeros_like(pixels)
+    at, _ = on_plane(camera, pixels, straight)
+    # Steps are small enough to be linear: parameters are jointly more certain than each alone.
+    steps = 1e-3 * np.sqrt(np.diag(calibration.covariance))
+    changes = [
+        on_plane(_changed_camera(camera, change, rig), pixels, straight)[0] - at
+        for change in np.diag(steps)
+    ]
+    return np.asarray(np.stack(changes, axis=-1) / np.where(steps > 0, steps, 1.0))
+
+
 def _changed_camera(camera: Camera, change: Floats, rig: Rig) -> Camera:
-    """Return the camera with changed parameters, in the order of Calibration.covariance."""
+    """Return the camera with parameters changed by (n,), in the order of Calibration.covariance."""
     n = len(camera.distortion)
     camera_from_board = camera.camera_from_antenna @ rig.antenna_from_board
     rotation, shift = change[3 + n : 6 + n], change[6 + n :]

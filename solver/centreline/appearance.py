@@ -43,8 +43,10 @@ class Appearance:
     [gray px] is given along `length` [px] of the path; `misfit` is the typical chi^2 per degree of
     freedom of a profile fit, at least 1; `sigma_px` is the part of a centre's error that does not
     come from the sensor's noise; `ground` is the background's median gray value. `half` pixels on
-    either side are fitted. `ground_at_rest` is None for a ground without structure. A profile that
-    `is_sampled` is that of the images, not that of the section.
+    either side are fitted. `radius` [px] is that of the rig for a round beam: the section's follows
+    the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
+    ground without structure. A profile that `is_sampled` is that of the images, not that of the
+    section.
     """
 
     polarity: int
@@ -57,25 +59,38 @@ class Appearance:
     sigma_px: float
     ground: float
     half: int
+    radius: float
     full_scale: int
     ground_at_rest: Ground | None = None
     is_sampled: bool = False
 
-    @cached_property
+    @property
     def shading(self) -> float:
-        """Weight of the beam's own shading in its fitted place.
+        """Weight of the beam's own shading in the middle of its contrast with the ground."""
+        return shading_weight(self._amplitude, self.radius, self.ground)
 
-        It is the beam's mean gray value over its contrast with the ground: 1 before a black ground,
-        more before a gray one, and negative for a beam that is darker than its ground; times the
-        response of a profile fit.
-        """
-        amplitude = float(np.median(self.amplitude))
-        contrast = amplitude / (2 * self.section.radius)
+    @cached_property
+    def fit_response(self) -> float:
+        """Shift of a profile fit by the beam's shading, over that of the contrast's middle."""
         beside = self.noise.dark + self.noise.per_gray * self.ground
-        on_beam = self.noise.per_gray * max(amplitude, 0.0)
+        on_beam = self.noise.per_gray * max(self._amplitude, 0.0)
         weights = np.array([beside, on_beam])
-        response = tilt_response(self.profile, self.section, weights, self.half)
-        return response * (contrast + self.ground) / contrast
+        return tilt_response(self.profile, self.section, weights, self.half)
+
+    @property
+    def _amplitude(self) -> float:
+        return float(np.median(self.amplitude))
+
+
+def shading_weight(amplitude: float, radius: float, ground: float) -> float:
+    """Compute the weight of the beam's own shading in the middle of its contrast with the ground.
+
+    It is the beam's mean gray value over its contrast: 1 before a black ground, more before a gray
+    one, and negative for a beam that is darker than its ground. `amplitude` [gray px] is the
+    contrast's integral across the beam, `radius` [px] that of the beam, `ground` its gray value.
+    """
+    contrast = amplitude / (2 * radius)
+    return (contrast + ground) / contrast
 
 
 def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
@@ -89,6 +104,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     line = find_rest_line(mean, guide, FLAT_WIDTHS if guide.flat else WIDTHS)
     if line is None:
         raise InputError("the rest images show no beam along the rig's x axis")
+    stated = None if guide.flat else guide.radius_px
     guide = replace(guide, radius=line.width * guide.radius)
     on_beam = line.places[(line.places[:, 0] > 0) & (line.places[:, 0] < 0.98 * guide.length)]
     path, beam = guide.pixels(on_beam), _to_the_tip(line.places, guide)
@@ -102,7 +118,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     reach = guide.radius_px + FIRST_REACH_PX
     ground = learn_ground(images, beam, reach, noise, int(reach + 0.5) + MARGIN)
     if ground is not None:
-        look = _look_before(rest, ground, beam)
+        look = _look_before(rest, ground, beam, stated)
     else:
         sampled, table = _sampled(rest), None
         if sampled is not None:
@@ -110,7 +126,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
             rest = replace(rest, places=stations(path, mean.shape))
             # A beam along a row of pixels samples its profile at one place between them only.
             table = sampled.table if np.ptp(rest.places.start) > 1 else None
-        look = _look(rest, table)
+        look = _look(rest, table, stated)
     x, y = guide.places(path).T
     slope = float(np.polyfit(x, y, 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
@@ -142,10 +158,11 @@ def _nominal(rest: RestColumns) -> Section:
     return Section(rest.radius, FIRST_REACH_PX / 3, 0.0, 0.0)
 
 
-def _look(rest: RestColumns, sampled: Profile | None) -> Appearance:
+def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> Appearance:
     """Estimate the section that gives the smoothest centres and the smallest residuals.
 
-    Where the section leaves more than noise, the `sampled` profile may take its place.
+    Where the section leaves more than noise, the `sampled` profile may take its place. `radius`
+    [px] is the rig's, None for a flat strip.
     """
     shape = _described(rest)
     if sampled is not None and (shape is None or shape.misfit > LIMITS.max_section_misfit):
@@ -169,6 +186,7 @@ def _look(rest: RestColumns, sampled: Profile | None) -> Appearance:
         sigma_px=float(np.sqrt(max(shape.scatter**2 - noise_variance, 0.0))),
         ground=float(np.median([np.median(f.background[good]) for f in fits])),
         half=half_width(shape.section),
+        radius=radius or shape.section.radius,
         full_scale=rest.full_scale,
         is_sampled=sampled is not None and shape.table is sampled,
     )
@@ -185,7 +203,9 @@ def _described(rest: RestColumns) -> Shape | None:
         return None
 
 
-def _look_before(rest: RestColumns, ground: Ground, beam: Floats) -> Appearance:
+def _look_before(
+    rest: RestColumns, ground: Ground, beam: Floats, radius: float | None
+) -> Appearance:
     """Estimate the section before a ground with structure; `beam` (n, 2) [px] is its path."""
     mean = np.mean([np.asarray(image, np.float64) for image in rest.images], axis=0)
     variance = rest.noise.variance(mean) / len(rest.images)
@@ -222,6 +242,7 @@ def _look_before(rest: RestColumns, ground: Ground, beam: Floats) -> Appearance:
         sigma_px=float(np.sqrt(max(scatter - variance_px, 0.0))),
         ground=ground.level,
         half=half,
+        radius=radius or section.radius,
         full_scale=rest.full_scale,
         ground_at_rest=ground,
     )

@@ -26,6 +26,16 @@ class CentroidExtractor:
 
     beam: BeamExtractor
 
+    @property
+    def shading(self) -> float:
+        """Weight of the beam's own shading in its centroid."""
+        return self.beam.appearance.shading
+
+    @property
+    def detector(self) -> BeamExtractor:
+        """Extractor that detects the beam and its tip."""
+        return self.beam
+
     def __call__(self, image: Grey) -> Centreline:
         """Extract the centreline of an image (height, width); empty where there is no beam.
 

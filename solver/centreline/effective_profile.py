@@ -167,8 +167,12 @@ def _spline(design: Floats, gray: Floats, n_knots: int) -> Floats:
     """
     flat = design.reshape(-1, design.shape[-1])
     normal, right = flat.T @ flat, flat.T @ gray.ravel()
-    # Changes of the course that the spline imitates, a shift and a scale, remain small.
-    normal += RIDGE * np.diag(np.diag(normal) + np.trace(normal) / len(right))
+    # Changes of the course that the spline imitates, a shift and a scale, remain small. The spline
+    # is in gray values, the course in pixels: with one scale for both, the result would depend on
+    # the images' depth.
+    parts = np.split(np.diag(normal), [n_knots])
+    ridge = np.concatenate([part + part.sum() / max(len(part), 1) for part in parts])
+    normal += RIDGE * np.diag(ridge)
     largest = float(np.abs(np.linalg.solve(normal, right)[:n_knots]).max())
     second = np.diff(np.eye(n_knots + 2), 2, axis=0)[:, 1:-1] / (ROUGHNESS * largest)
     normal[:n_knots, :n_knots] += second.T @ second

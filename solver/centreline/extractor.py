@@ -6,7 +6,7 @@ beam's appearance is learned from the images of it at rest.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -31,12 +31,40 @@ from solver.instrument.medians import median
 _NONE: Any = np.int64(0)
 
 
+class Extractor(Protocol):
+    """Measurement of the beam's centreline in an image, as learned from the beam at rest."""
+
+    @property
+    def shading(self) -> float:
+        """Weight of the beam's own shading in its measured place."""
+        ...
+
+    @property
+    def detector(self) -> "BeamExtractor | None":
+        """Extractor that detects the beam and its tip by the beam's appearance, if there is one."""
+        ...
+
+    def __call__(self, image: Grey, /) -> Centreline:
+        """Extract the centreline of an image (height, width); empty where there is no beam."""
+        ...
+
+
 @dataclass(frozen=True)
 class BeamExtractor:
     """Beam extractor by a profile fit at every column that crosses the beam."""
 
     appearance: Appearance
     guide: Guide
+
+    @property
+    def shading(self) -> float:
+        """Weight of the beam's own shading in its fitted place."""
+        return self.appearance.fit_response * self.appearance.shading
+
+    @property
+    def detector(self) -> Self:
+        """This extractor itself."""
+        return self
 
     def __call__(self, image: Grey) -> Centreline:
         """Extract the centreline of an image (height, width); empty where there is no beam."""

@@ -23,7 +23,7 @@ from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import dot
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.small_matrices import solve_definite
 
@@ -77,7 +77,11 @@ def no_contact(bend: Bend) -> Estimate | None:
     if abs(bend.significance) < LIMITS.contact_sigmas:
         return Estimate(Outcome.NO_CONTACT, f"bend of {abs(bend.significance):.1f} sigmas")
     if bend.significance < 0:
-        return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")
+        return Estimate(
+            Outcome.INVALID,
+            "the beam bends to the side where the rig has no object",
+            assumption=Assumption.SIDE,
+        )
     return None
 
 

@@ -25,6 +25,7 @@ from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.fitting.rod_residuals import SOFTNESS, TILT, clamp_moment, rod_residuals
 from solver.fitting.rod_step import straight_in_moments
 from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Assumption
 from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import turn_about_z
@@ -53,6 +54,11 @@ class HungProblem(RodProblem):
     """
 
     direction: float
+
+    @property
+    def of_grip(self) -> Assumption:
+        """What the rig states of the error of the direction."""
+        return Assumption.GRAVITY
 
     def moved(self, p: Floats, step: Floats) -> Floats:
         """Return the parameters (p,) after a step (p,) of a fit, by linear theory."""

@@ -14,7 +14,7 @@ from solver.fitting.thresholds import LIMITS
 from solver.fitting.unknown_grip import curved_by_grip
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 # The radius is reported only if its sigma is below this share of its prior sigma. Derived: the
@@ -41,17 +41,24 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
     count, chi2 = len(push.frames), fit.chi2
     dof = push.beam.points + 1 - PUSH
 
-    def failure(outcome: Outcome, message: str = "") -> Estimate:
-        return Estimate(outcome, message, chi2=chi2, dof=dof, iterations=fit.iterations)
+    def failure(message: str, assumption: Assumption | None = None) -> Estimate:
+        return Estimate(
+            Outcome.INVALID,
+            message,
+            chi2=chi2,
+            dof=dof,
+            iterations=fit.iterations,
+            assumption=assumption,
+        )
 
     if fit.rank_deficient:
         return single_frame(single, f"{count} frames do not determine the push")
     consistency, equations = push.consistency_chi2(fit.parameters)
     if consistency > chdtri(equations, LIMITS.false_rejection):
         return failure(
-            Outcome.INVALID,
             f"the {count} frames of the push do not fit one object at one place on a linear "
             f"spring: chi^2 of the push is {consistency:.3g} on {equations} degrees of freedom",
+            Assumption.RESTING_OBJECT,
         )
     if not fit.converged:
         return single_frame(single, f"the fit of {count} frames did not converge")
@@ -61,23 +68,23 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
         fit.covariance[radius_index, radius_index]
     ):
         return failure(
-            Outcome.INVALID,
             "the contact's motion along the beam fits no object at rest"
             + ("" if push.friction else " without friction"),
+            Assumption.RESTING_OBJECT,
         )
     coefficient = fit.parameters[push.size] if push.friction else 0.0
     if (
         coefficient < 0
         and coefficient**2 > LIMITS.impossible_sigmas**2 * fit.covariance[push.size, push.size]
     ):
-        return failure(Outcome.INVALID, "the coefficient of friction would be negative")
+        return failure("the coefficient of friction would be negative")
     values, covariance = _quantities(push, last, fit)
     row = list(values).index("compliance_m_per_n")
     if values["compliance_m_per_n"] < -LIMITS.impossible_sigmas * math.sqrt(covariance[row, row]):
         return failure(
-            Outcome.INVALID,
             "the compliance would be negative: the motor turns about another axis than the rig "
             "states, or the beam is not the rig's",
+            Assumption.MOTOR_AXIS,
         )
     estimate = classified_estimate(
         last.rig,

@@ -1,6 +1,10 @@
-"""Fit one contact on a beam of another taper: it may explain what looks like something else."""
+"""Fit one contact on a beam of another taper: it may explain what looks like something else.
 
-from collections.abc import Callable
+Friction bends a beam much as a taper does; a fit with another friction shows which of them it is.
+"""
+
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
@@ -8,7 +12,7 @@ import numpy as np
 
 from solver.beam_models.rod import WIDTHS
 from solver.fitting.problem import Problem
-from solver.fitting.rod_fit import least_squares
+from solver.fitting.rod_fit import LeastSquares, least_squares
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
 from solver.fitting.rod_start import uniform_start
 from solver.instrument.arrays import Floats
@@ -19,6 +23,8 @@ from solver.instrument.measurement import Measurement
 # Measured: with it one contact explains all frames of a beam of 0.6 at the tip, and none of the 131
 # of `results/two_contacts`.
 _TAPER: Final = 0.4
+# Sigma of the coefficient of friction. Chosen: that of dry rubber, the largest of usual objects.
+_FRICTION: Final = 1.0
 
 
 class OtherTaper(NamedTuple):
@@ -43,18 +49,44 @@ def other_taper(
     beam.
     """
     shape = measurement.rig.shape
-    rig = replace(measurement.rig, shape=_with_any_taper(shape))
-    rod = only(rod_problem(replace(measurement, rig=rig), problem), kept)
+    rod = only(rod_problem(_with_shape(measurement, _with_any_taper(shape)), problem), kept)
     starts = [uniform_start(problem, rod)]
     if near is None:
         near = _near(only(rod_problem(measurement, problem), kept), problem)
     if near is not None:
         starts.append(near if len(shape.widths) else np.insert(near, WIDTHS, 0.0))
-    fits = [fit for p in starts if p is not None and (fit := least_squares(rod, p)) is not None]
-    if not fits:
+    best = _best_fit(rod, starts)
+    if best is None:
         return OtherTaper(np.inf, 1.0)
-    best = min(fits, key=lambda fit: fit.objective)
     return OtherTaper(best.objective, 1.0 + float(best.p[WIDTHS : WIDTHS + rod.widths].sum()))
+
+
+def with_other_friction(
+    measurement: Measurement,
+    problem: Problem,
+    kept: Any,
+    rod_problem: Callable[[Measurement, Problem], RodProblem],
+    near: Floats,
+) -> float:
+    """Return the sum of squares of one contact whose friction may be more than the rig states.
+
+    The arguments are those of `other_taper`; it is infinite where no such beam is near the points.
+    """
+    shape = measurement.rig.shape
+    rough = replace(shape, friction_sigma=math.hypot(shape.friction_sigma, _FRICTION))
+    rod = only(rod_problem(_with_shape(measurement, rough), problem), kept)
+    best = _best_fit(rod, [near, uniform_start(problem, rod)])
+    return np.inf if best is None else best.objective
+
+
+def _with_shape(measurement: Measurement, shape: BeamShape) -> Measurement:
+    return replace(measurement, rig=replace(measurement.rig, shape=shape))
+
+
+def _best_fit(rod: RodProblem, starts: Sequence[Floats | None]) -> LeastSquares | None:
+    """Return the fit of the least sum of squares from some starts; None if none exists."""
+    fits = [fit for p in starts if p is not None and (fit := least_squares(rod, p)) is not None]
+    return min(fits, key=lambda fit: fit.objective, default=None)
 
 
 def _near(rod: RodProblem, problem: Problem) -> Floats | None:

@@ -43,10 +43,12 @@ def rod_estimate(
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or fitted is None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    reason = contradiction(bowed, problem, fitted.fit, fitted.gain, rod_problem)
-    if reason:
+    found = contradiction(bowed, problem, fitted.fit, fitted.gain, rod_problem)
+    if found is not None:
         dof = max(int(np.count_nonzero(fit.kept)) - 2, 1)
-        return Estimate(Outcome.INVALID, reason, chi2=fit.chi2, dof=dof)
+        return Estimate(
+            Outcome.INVALID, found.reason, chi2=fit.chi2, dof=dof, assumption=found.assumption
+        )
     values, covariance = rod_values(measurement, fitted.rod, fitted.rod.rod_fit(fit))
     return estimate_from_fit(measurement, problem, fit, values, covariance)
 

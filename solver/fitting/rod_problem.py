@@ -15,6 +15,7 @@ from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_
 from solver.fitting.rod_step import straight_in_free_end
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW, SKEW, BeamShape, Friction
+from solver.instrument.estimate import Assumption
 from solver.instrument.measurement import Measurement, RestBow
 
 # Sigma of the shift of a beam's apparent middle at the contact, in radii, by light that the object
@@ -62,6 +63,11 @@ class RodProblem:
     own_errors: int = 0
     rigid: RigidObjects | None = None
     friction_sign: int = 1
+
+    @property
+    def of_grip(self) -> Assumption:
+        """What the rig states of the parameter GRIP."""
+        return Assumption.FRICTION
 
     @property
     def shape_size(self) -> int:

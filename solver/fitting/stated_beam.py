@@ -2,21 +2,35 @@
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from solver.beam_models.rod import GRIP, WIDTHS
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
-from solver.fitting.rival_taper import other_taper
+from solver.fitting.rival_taper import other_taper, with_other_friction
 from solver.fitting.rod_fit import least_squares
 from solver.fitting.rod_problem import RodProblem, only
+from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Assumption
 from solver.instrument.measurement import Measurement
 
 # Sigmas of chi2 beyond which the parameters are not those that the rig states. Derived: nine
 # parameters are so by chance once in ten thousand images. Of 600 images with true statements none
 # had one sigma, because an image determines few of them.
 _LARGEST: Final = 6.0
+# Difference of two sums of squares, from which one explanation is better. Derived: three sigmas of
+# one parameter.
+_DISTINCT: Final = 9.0
+
+
+class Contradiction(NamedTuple):
+    """How an image contradicts its rig, as a sentence, and which statement it contradicts most."""
+
+    reason: str
+    assumption: Assumption | None
 
 
 def contradiction(
@@ -25,8 +39,8 @@ def contradiction(
     fit: FrameFit,
     gain: float,
     rod_problem: Callable[[Measurement, Problem], RodProblem],
-) -> str:
-    """Return how an image contradicts the beam that its rig states, or "".
+) -> Contradiction | None:
+    """Return how an image contradicts the beam that its rig states; None if it does not.
 
     Either the fit is too far from the rig's statements, or errors that neighbouring points share,
     which gain `gain` in twice the log likelihood, explain the points worse than another taper does:
@@ -36,20 +50,70 @@ def contradiction(
     p = fit.p[: len(rod.mean)]
     stated = rod.free[np.diag(rod.information)[rod.free] > 0]
     away = (p - rod.mean)[stated]
-    chi2 = float(away @ rod.information[np.ix_(stated, stated)] @ away)
+    information = rod.information[np.ix_(stated, stated)]
+    chi2 = float(away @ information @ away)
     if chi2 > len(stated) + _LARGEST * math.sqrt(2 * len(stated)):
-        return (
+        assumption = _most_contradicted(_assumptions(rod), stated, away, information)
+        most = "" if assumption is None else f", most by the {assumption}"
+        return Contradiction(
             f"the beam, its clamp or the friction is {math.sqrt(chi2):.0f} sigmas from what "
-            "rig.json states: correct beam_shape, or learn the beam"
+            f"rig.json states{most}: correct beam_shape, or learn the beam",
+            assumption,
         )
     least = least_squares(rod, p) if gain else None
     if least is None:
-        return ""
+        return None
     other = other_taper(measurement, problem, fit.kept, rod_problem, p)
     if least.objective - other.objective < gain:
-        return ""
-    return (
+        return None
+    assumption = Assumption.TAPER
+    if rod.of_grip is Assumption.FRICTION:
+        friction = with_other_friction(measurement, problem, fit.kept, rod_problem, p)
+        assumption = _taper_or_friction(other.objective, friction)
+    return Contradiction(
         f"the beam is not that of rig.json: with a tip {other.tip:.2f} times as wide as at the "
         "clamp it fits better; state beam_shape.taper_sigma, or friction_sigma of rough objects, "
-        "or learn the beam"
+        "or learn the beam",
+        assumption,
     )
+
+
+def _taper_or_friction(with_taper: float, with_friction: float) -> Assumption:
+    """Name what explains the points, from the sums of squares with either."""
+    if abs(with_taper - with_friction) < _DISTINCT:
+        return Assumption.TAPER_OR_FRICTION
+    return Assumption.TAPER if with_taper < with_friction else Assumption.FRICTION
+
+
+def _assumptions(rod: RodProblem) -> dict[Assumption | None, list[int]]:
+    """Return the parameters of a problem that belong to each statement of the rig.
+
+    Those of None, errors that all points share, belong to no statement.
+    """
+    size, bow = rod.shape_size, WIDTHS + rod.widths
+    pose = [size + entry for entry in (DX, DY, TILT, SOFTNESS)]
+    return {
+        rod.of_grip: [GRIP],
+        Assumption.TAPER: list(range(WIDTHS, bow)),
+        Assumption.BOW: list(range(bow, size)),
+        Assumption.PLANE: [size + PSI],
+        Assumption.CLAMP: pose,
+        None: list(range(size + POSE, len(rod.mean))),
+    }
+
+
+def _most_contradicted(
+    groups: dict[Assumption | None, list[int]], stated: Floats, away: Floats, information: Floats
+) -> Assumption | None:
+    """Return the statement without which the deviation `away` (s,) would be the least.
+
+    `stated` (s,) are the indices of the parameters, `information` (s, s) is that of their prior.
+    """
+    gradient = information @ away
+
+    def decrease(indices: list[int]) -> float:
+        rows = np.flatnonzero(np.isin(stated, indices))
+        block = information[np.ix_(rows, rows)]
+        return float(gradient[rows] @ np.linalg.pinv(block, hermitian=True) @ gradient[rows])
+
+    return max(groups, key=lambda name: decrease(groups[name]))

@@ -24,7 +24,7 @@ from solver.fitting.two_contact_problem import (
 )
 from solver.fitting.two_contact_values import two_contact_values
 from solver.fitting.verdict import classified_estimate
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 # Largest number of starts. Measured: the minimum is reached from the first one but for forces near
@@ -60,14 +60,18 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
         return Estimate(Outcome.NOT_CONVERGED, "no beam with two contacts is near the points")
     count = int(np.count_nonzero(fit.kept))
     dof = max(count - _OF_CONTACTS, 1)
-    for outcome, reason in (
-        (Outcome.INVALID, _misfit(fit, dof) or _no_inner(double, fit)),
-        (Outcome.NOT_IDENTIFIABLE, _undetermined(double, fit, "outer")),
-        (Outcome.INVALID, _impossible(measurement, double, fit)),
-        (Outcome.NOT_IDENTIFIABLE, _taper_instead(bowed, problem, fit)),
+    for outcome, reason, assumption in (
+        (Outcome.INVALID, _misfit(fit, dof) or _no_inner(double, fit), None),
+        (
+            Outcome.NOT_IDENTIFIABLE,
+            _undetermined(double, fit, "outer"),
+            Assumption.ONE_CONTACT,
+        ),
+        (Outcome.INVALID, _impossible(measurement, double, fit), None),
+        (Outcome.NOT_IDENTIFIABLE, _taper_instead(bowed, problem, fit), Assumption.TAPER),
     ):
         if reason:
-            return Estimate(outcome, reason, chi2=fit.chi2, dof=dof)
+            return Estimate(outcome, reason, chi2=fit.chi2, dof=dof, assumption=assumption)
     values, covariance = two_contact_values(measurement, double, fit)
     rejected = len(fit.kept) - count
     return classified_estimate(

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.rig import Rig
 
 
@@ -34,6 +34,7 @@ def classified_estimate(
         rig, values["x_c_m"], sigma("x_c_m"), values[position], sigma(position)
     )
     has_values = outcome.has_values
+    beyond_tip = outcome is Outcome.INVALID
     return Estimate(
         outcome,
         message if has_values else reason,
@@ -42,6 +43,7 @@ def classified_estimate(
         chi2=chi2,
         dof=dof,
         iterations=iterations,
+        assumption=Assumption.LENGTH if beyond_tip else None,
     )
 
 

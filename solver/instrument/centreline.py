@@ -1,13 +1,12 @@
 """The beam's centreline in an image: measured points with sigmas, and rejected points."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
-from solver.instrument.arrays import Floats, Grey, frozen_floats
+from solver.instrument.arrays import Floats, frozen_floats
 
 
 class Flag(IntEnum):
@@ -52,9 +51,6 @@ class Centreline:
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "directions", directions)
         object.__setattr__(self, "sigma", sigma)
-
-
-Extractor = Callable[[Grey], Centreline]
 
 
 def down_columns(points: Floats, sigma: Floats) -> Centreline:

@@ -42,8 +42,24 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return compiler(function, **options)
     package = sys.modules[function.__module__.partition(".")[0]].__file__
     _SETTINGS["CACHE_DIR"] = _CHOSEN or (_folder(Path(package).parent) if package else "")
-    options |= {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    return compiler(function, **options)
+    options |= {"error_model": "numpy", "no_cfunc_wrapper": True}
+    try:
+        return compiler(function, cache=True, **options)
+    except RuntimeError as error:  # numba finds no folder that it can write to
+        if "no locator" not in str(error):
+            raise
+        _say_not_kept()
+        return compiler(function, **options)
+
+
+@functools.cache
+def _say_not_kept() -> None:
+    """Say once that this process compiles for itself."""
+    print(
+        "compiled code cannot be kept, because neither the package's folder nor a home can be "
+        "written to: every start takes minutes; set NUMBA_CACHE_DIR to a folder",
+        file=sys.stderr,
+    )
 
 
 def interpreted(function: F) -> F:

@@ -1,9 +1,13 @@
-"""Exceptions for unusable input, and short texts for their messages."""
+"""Exceptions for unusable input, and short texts for messages about errors."""
 
+import traceback
+from pathlib import Path
 from typing import Final
 
 # Chosen: two lines of a terminal are enough to identify a value.
 LONGEST_SHOWN: Final = 160
+# First characters of a formula in spreadsheets.
+_FORMULA: Final = ("=", "+", "-", "@")
 
 
 class InputError(Exception):
@@ -15,17 +19,32 @@ class InputError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__("".join(map(_printable, message)))
+        super().__init__(printable(message))
 
 
 class DamageError(InputError):
     """Error for a file of a generated dataset that is missing, or is not what was written."""
 
 
+def printable(text: str) -> str:
+    """Escape the characters of a text that would control a terminal, or cannot be encoded."""
+    return "".join(map(_printable, text))
+
+
 def _printable(character: str) -> str:
     if character.isprintable() or character == "\n":
         return character
     return repr(character)[1:-1]
+
+
+def cell_text(text: str) -> str:
+    """Make a text of unknown origin, such as a method's message, fit for a cell of a CSV file.
+
+    It is on one line, without characters that control a terminal. A spreadsheet would compute a
+    text that begins as a formula, such as =HYPERLINK(...): an apostrophe is put before it.
+    """
+    line = printable(" ".join(text.split()))
+    return f"'{line}" if line.startswith(_FORMULA) else line
 
 
 def quoted(value: object) -> str:
@@ -40,3 +59,10 @@ def truncated(text: str) -> str:
     """Put a text on one line, and truncate a long text."""
     line = " ".join(text[: 2 * LONGEST_SHOWN].split())
     return line if len(text) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]}..."
+
+
+def described(error: BaseException) -> str:
+    """Describe an error in a program in one line: kind, message, and where it was raised."""
+    text = f"{type(error).__name__}: {error}"
+    places = traceback.extract_tb(error.__traceback__)
+    return f"{text} ({Path(places[-1].filename).name}:{places[-1].lineno})" if places else text

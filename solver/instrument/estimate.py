@@ -48,6 +48,51 @@ _SENTENCES = {
 }
 
 
+class Assumption(StrEnum):
+    """Statement of the rig, or assumption of a method, that a refused image contradicts.
+
+    `sentence` explains it. A refusal that only says that the points do not fit names none.
+    """
+
+    TAPER = "taper"
+    BOW = "bow"
+    CLAMP = "clamp"
+    FRICTION = "friction"
+    TAPER_OR_FRICTION = "taper or friction"
+    GRAVITY = "gravity"
+    PLANE = "plane"
+    SIDE = "side"
+    LENGTH = "length"
+    ONE_CONTACT = "one contact"
+    RESTING_OBJECT = "resting object"
+    MOTOR_AXIS = "motor axis"
+    CAMERA_AT_REST = "camera at rest"
+    LIGHT = "light"
+
+    @property
+    def sentence(self) -> str:
+        """What is assumed, as one sentence."""
+        return _ASSUMED[self]
+
+
+_ASSUMED = {
+    Assumption.TAPER: "The beam's width along its length is that of beam_shape.",
+    Assumption.BOW: "The unloaded beam is as straight as beam_shape and the rest images state.",
+    Assumption.CLAMP: "The clamp's pose and softness are those of rig.json.",
+    Assumption.FRICTION: "The coefficient of friction is that of beam_shape.",
+    Assumption.TAPER_OR_FRICTION: "Both are those of beam_shape; the image does not separate them.",
+    Assumption.GRAVITY: "Gravity has the direction that rig.json states.",
+    Assumption.PLANE: "The beam bends in the stated plane, as far as its section is round.",
+    Assumption.SIDE: "Contact bends the beam to the side deflects_towards.",
+    Assumption.LENGTH: "The beam is as long as rig.json states.",
+    Assumption.ONE_CONTACT: "The beam touches at one place.",
+    Assumption.RESTING_OBJECT: "During a push, the object moves only as a spring yields.",
+    Assumption.MOTOR_AXIS: "The motor turns the clamp about the axis that rig.json states.",
+    Assumption.CAMERA_AT_REST: "Camera and clamp are where they were in the rest images.",
+    Assumption.LIGHT: "Exposure, gain and light are those of the rest images.",
+}
+
+
 # Columns that the representation of an estimate shows: label and unit.
 _REPR_COLUMNS = {
     "x_c_mm": ("x_c", "mm"),
@@ -63,7 +108,8 @@ class Estimate:
 
     `values` maps some of QUANTITIES to numbers in SI units; a quantity that the method does not
     estimate is absent. `covariance` (n, n) is in the order of `values`; it is None if the method
-    does not compute it. `chi2` is the weighted sum of squared residuals with `dof` degrees of
+    does not compute it. `assumption` is what the image contradicts, if a failure outcome names one.
+    `chi2` is the weighted sum of squared residuals with `dof` degrees of
     freedom.
 
     Every quantity is also an attribute, by its SI name or by its column in a table; it is None if
@@ -86,10 +132,13 @@ class Estimate:
     chi2: float | None = None
     dof: int | None = None
     iterations: int | None = None
+    assumption: Assumption | None = None
 
     def __post_init__(self) -> None:
         if bool(self.values) != self.outcome.has_values:
             raise ValueError(f"outcome '{self.outcome}' with values {dict(self.values)}")
+        if self.assumption is not None and self.values:
+            raise ValueError(f"an estimate with values contradicts the {self.assumption}")
         unknown = [name for name in self.values if name not in QUANTITIES]
         if unknown:
             raise ValueError(f"an estimate holds {unknown}, allowed are {', '.join(QUANTITIES)}")

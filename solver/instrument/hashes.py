@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from solver.instrument.errors import DamageError, InputError
+from solver.instrument.files import open_regular
 
 HASHES: Final = "hashes.json"
 MEND: Final = "run the command that made it again to replace damaged files"
@@ -38,18 +39,16 @@ def digest(data: bytes) -> str:
 
 
 def read_bytes(path: Path, max_bytes: int | None = None) -> bytes:
-    """Read a file of at most `max_bytes`; if a hashes.json lists it, check its sha256.
+    """Read a regular file of at most `max_bytes`; if a hashes.json lists it, check its sha256.
 
     Raises InputError if it cannot be read, DamageError if it is not what was generated or a link.
     """
     expected = _recorded(path)
     try:
-        # Reading a pipe or a device may never end; reading a folder raises its own clear error.
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError(f"{path}: cannot be read (it is no file)")
-        if max_bytes is not None and path.is_file() and path.stat().st_size > max_bytes:
-            raise InputError(f"{path}: is too large, allowed are {max_bytes:,} bytes")
-        data = path.read_bytes()
+        with open_regular(path) as stream:
+            if max_bytes is not None and os.fstat(stream.fileno()).st_size > max_bytes:
+                raise InputError(f"{path}: is too large, allowed are {max_bytes:,} bytes")
+            data = stream.read()
     except FileNotFoundError as error:
         if expected is not None:
             raise DamageError(f"{path}: is missing; {MEND}") from error

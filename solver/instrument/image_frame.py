@@ -1,11 +1,13 @@
 """One image of a pushing beam, with the readings taken with it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
 
 # Name of the split from which a beam is learned.
@@ -33,7 +35,8 @@ class Readings:
 
     `motor_angle` [rad] is the encoder's reading. `removed` [m] is an interval of Sigma_a's x axis
     to be left out. `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] are sensor
-    readings. `carriage` is the pose of an antenna that is carried about its object.
+    readings. `carriage` is the pose of an antenna that is carried about its object. Raises
+    InputError if a sensor's reading is not finite.
     """
 
     motor_angle: float | None = None
@@ -42,6 +45,17 @@ class Readings:
     base_force: tuple[float, float, float] | None = None
     base_moment: tuple[float, float, float] | None = None
     carriage: Carriage | None = None
+
+    def __post_init__(self) -> None:
+        sensors = {
+            "motor_angle": (self.motor_angle,),
+            "moment_y": (self.moment_y,),
+            "base_force": self.base_force or (),
+            "base_moment": self.base_moment or (),
+        }
+        for name, values in sensors.items():
+            if not all(value is None or math.isfinite(value) for value in values):
+                raise InputError(f"the reading {name} is {values}, allowed are finite numbers")
 
 
 NO_READINGS = Readings()

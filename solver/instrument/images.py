@@ -11,7 +11,14 @@ import numpy.typing as npt
 from solver.instrument import MAX_PIXELS
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
+from solver.instrument.files import open_regular
 from solver.instrument.hashes import read_bytes
+
+if not hasattr(cv2, "IMWRITE_PNG_FILTER"):
+    raise InputError(
+        f"OpenCV {cv2.__version__} is too old, 4.12 or newer is needed: "
+        "pip install --upgrade opencv-contrib-python-headless"
+    )
 
 # Sensor noise cannot be predicted from its neighbours: neither a search for repeats nor a row
 # filter reduces the size. For 8 bits these settings take two thirds of the time of OpenCV's
@@ -22,6 +29,8 @@ _PNG = [
     cv2.IMWRITE_PNG_FILTER,
     cv2.IMWRITE_PNG_FILTER_NONE,
 ]
+# Largest image file [bytes]. Derived: MAX_PIXELS uncompressed, with four channels of 16 bits.
+MAX_BYTES: Final = 8 * MAX_PIXELS
 _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD: Final = 25  # bytes up to the bit depth
 # Channel read from a colour image: luma, one of its colours, or blue to yellow (CIELAB's b).
@@ -38,7 +47,7 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
     down cannot detect which way is up, and its tag may change from one image to the next.
     Raises InputError if the file is not an image, or not the one that was generated.
     """
-    return decode_grey(read_bytes(path), path, channel)
+    return decode_grey(read_bytes(path, MAX_BYTES), path, channel)
 
 
 def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
@@ -115,7 +124,7 @@ class PngHead(NamedTuple):
 def png_head(path: Path) -> PngHead:
     """Read the size and depth of a PNG file from its first bytes only. Raises InputError."""
     try:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             return _png_head(stream.read(_PNG_HEAD), path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error

@@ -6,6 +6,8 @@ observations/
   rest/rest_00.png ...          the beam before contact
   shard_00000/metadata.csv      one row per frame: see solver/instrument/metadata.py
   shard_00000/<frame_id>.png    one image per frame
+  images/metadata.csv, images/*.png      of a laboratory, in place of shards; the table may be
+                                         missing where there are no readings
   hashes.json, shard_00000/hashes.json   of generated trees: see solver/instrument/hashes.py
 """
 
@@ -54,25 +56,25 @@ class Observations:
 def open_observations(root: str | Path) -> Observations:
     """Open the tree at `root`. Raises InputError if it is missing, broken or incomplete.
 
-    From a generated tree, only the files listed in its hashes.json are used. Images of frames are
-    checked when they are read.
+    From a generated tree, only the files listed in its hashes.json are used. A laboratory's frames
+    may be in images/. Images of frames are checked when they are read.
     """
     root = Path(root)
     if not root.is_dir():
         raise InputError(f"{root}: is not a folder of observations")
     names = listed(root)
     opened = open_rig(root)
+    images = root / "images"
     if names is None:
-        tables = sorted(root.glob("shard_*/metadata.csv"))
+        tables = sorted([*root.glob("shard_*/metadata.csv"), *images.glob("metadata.csv")])
     else:
         tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
-    frames = tuple(
-        replace(frame, channel=opened.rig.channel)
-        for table in tables
-        for frame in read_frames(table)
-    )
+    listed_frames = [frame for table in tables for frame in read_frames(table)]
+    if not tables and names is None:
+        listed_frames = [ImageFrame(path.stem, path) for path in sorted(images.glob("*.png"))]
+    frames = tuple(replace(frame, channel=opened.rig.channel) for frame in listed_frames)
     if not frames:
-        raise InputError(f"{root}: holds no frames (shard_*/metadata.csv)")
+        raise InputError(f"{root}: holds no frames (shard_*/metadata.csv, images/*.png)")
     name, count = Counter(frame.frame_id for frame in frames).most_common(1)[0]
     if count > 1:
         raise InputError(

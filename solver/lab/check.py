@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.centreline.extractor import BeamExtractor
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.lab.findings import Finding, findings
 
@@ -27,7 +26,8 @@ class CalibrationReport:
     if the calibration has no covariance. `lengths_sigma_pct` is the uncertainty of lengths along
     the beam due to the calibration's own noise. `bow_mm` is the largest distance of the beam at
     rest from a line, 0 if no bow was detected. `roughness_px` is the part of a centre's error that
-    is not due to sensor noise. `findings` are contradictions between images and rig.json.
+    is not due to sensor noise. `beam` to `roughness_px` are None for a centreline that does not
+    learn the beam's appearance. `findings` are contradictions between images and rig.json.
     """
 
     reprojection_px: float
@@ -50,10 +50,10 @@ class CalibrationReport:
     bow_share: float
     noise_dark: float
     noise_per_gray: float
-    beam: str
-    width_px: float
-    spread_px: float
-    roughness_px: float
+    beam: str | None
+    width_px: float | None
+    spread_px: float | None
+    roughness_px: float | None
     findings: tuple[Finding, ...]
 
     @property
@@ -66,9 +66,9 @@ class CalibrationReport:
             warnings.append("one board view: use only methods restricted to plane C")
         if 0.01 * self.lengths_sigma_pct > MAX_SCALE_SIGMA:
             warnings.append("large scale uncertainty: add closer board views that fill the image")
-        if self.width_px < MIN_WIDTH_PX:
+        if self.width_px is not None and self.width_px < MIN_WIDTH_PX:
             warnings.append("beam too narrow in the image: move closer or use more pixels")
-        if self.roughness_px > MAX_ROUGHNESS_PX:
+        if self.roughness_px is not None and self.roughness_px > MAX_ROUGHNESS_PX:
             warnings.append("rough beam or uneven light: errors of centres exceed the image noise")
         warnings += [finding.message for finding in self.findings]
         return f"warning: {'; '.join(warnings)}" if warnings else "good: no problem found"
@@ -95,6 +95,12 @@ class CalibrationReport:
                 (self.principal_v_px, self.principal_v_sigma_px),
             )
         )
+        appearance = "not learned by this centreline"
+        if self.beam is not None:
+            appearance = (
+                f"{self.beam}, width {self.width_px:.2f} px, blur {self.spread_px:.2f} px (sigma), "
+                f"roughness {self.roughness_px:.3f} px"
+            )
         rows = (
             ("reprojection RMS", f"{self.reprojection_px:.3f} px"),
             ("focal length", f"{_with_sigma(self.focal, self.focal_sigma)} {focal_unit}"),
@@ -114,21 +120,17 @@ class CalibrationReport:
                 "image noise",
                 f"variance {self.noise_dark:.3g} + {self.noise_per_gray:.3g} x gray value",
             ),
-            (
-                "beam appearance",
-                f"{self.beam}, width {self.width_px:.2f} px, blur {self.spread_px:.2f} px (sigma), "
-                f"roughness {self.roughness_px:.3f} px",
-            ),
+            ("beam appearance", appearance),
             ("assessment", self.meaning),
         )
         return "\n".join(f"{name:16} {value}" for name, value in rows)
 
 
 def calibration_report(antenna: Antenna) -> CalibrationReport:
-    """Collect the report on an antenna whose centreline is measured by the profile fit."""
-    calibration, rest, beam = antenna.calibration, antenna.rest, antenna.extract
-    assert isinstance(beam, BeamExtractor)
-    camera, appearance = calibration.camera, beam.appearance
+    """Collect the report on an antenna."""
+    calibration, rest, noise = antenna.calibration, antenna.rest, antenna.at_rest.noise
+    camera, detector = calibration.camera, antenna.extract.detector
+    look = None if detector is None else detector.appearance
     sigmas: list[float | None] = [None] * 3
     if calibration.covariance is not None:
         sigmas = [float(sigma) for sigma in np.sqrt(np.diag(calibration.covariance)[:3])]
@@ -150,17 +152,17 @@ def calibration_report(antenna: Antenna) -> CalibrationReport:
         height_sigma_mm=height_sigma,
         leaning_deg=math.acos(min(abs(float(axis[2])), 1.0)) / DEGREE,
         lengths_sigma_pct=100 * antenna.scale_sigma,
-        pixel_mm=beam.guide.pixel / MILLIMETRE,
+        pixel_mm=antenna.pixel / MILLIMETRE,
         rest_y_mm=rest.y_at_clamp / MILLIMETRE,
         rest_slope_deg=math.atan(rest.slope) / DEGREE,
         bow_mm=bow_size / MILLIMETRE,
         bow_share=bow_size / rest.length,
-        noise_dark=appearance.noise.dark,
-        noise_per_gray=appearance.noise.per_gray,
-        beam="bright" if appearance.polarity > 0 else "dark",
-        width_px=2 * appearance.section.radius,
-        spread_px=appearance.section.spread,
-        roughness_px=appearance.sigma_px,
+        noise_dark=noise.dark,
+        noise_per_gray=noise.per_gray,
+        beam=None if look is None else "bright" if look.polarity > 0 else "dark",
+        width_px=None if look is None else 2 * look.section.radius,
+        spread_px=None if look is None else look.section.spread,
+        roughness_px=None if look is None else look.sigma_px,
         findings=findings(antenna),
     )
 

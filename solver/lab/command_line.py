@@ -16,12 +16,15 @@ from solver.instrument.images import png_bytes
 from solver.instrument.observation import open_rig, rig_file
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
+from solver.lab.command_end import run_command
 from solver.lab.console import console, setting_up, table, with_progress
 from solver.lab.controls import controls_of
 from solver.lab.input_options import (
     ChannelOption,
     ControlOption,
     ExposureOption,
+    OtherRigOption,
+    ReadingsOption,
     RigOption,
     SizeOption,
     checked_channel,
@@ -51,18 +54,14 @@ def solve(
         list[str],
         typer.Argument(help="observations folder; or images, a video, a camera, with --rig"),
     ],
-    rig: Annotated[
-        Path | None, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
-    ] = None,
+    rig: OtherRigOption = None,
     method: Annotated[
         str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
     ] = "exact_fit",
     centreline: Annotated[
         str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
     ] = "profile_fit",
-    readings: Annotated[
-        Path | None, typer.Option(help="table like metadata.csv, in the folder of the images")
-    ] = None,
+    readings: ReadingsOption = None,
     out: Annotated[
         Path | None,
         typer.Option(help="CSV to write", show_default="estimates_<method>.csv, none for a camera"),
@@ -86,6 +85,11 @@ def solve(
     function, learn_extractor = find_method(method), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
     observations, source = open_inputs(sources, rig, readings, channel, controls)
+    if method in LEARNING and not observations.frames:
+        raise InputError(
+            f"method '{method}' learns the beam from images, and a camera or video has none: use "
+            "the command learn, and then exact_fit with the rig that it has written"
+        )
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
@@ -189,7 +193,7 @@ for command in (rigidity, learn, outline, photos):
 def main() -> None:
     """Run `solve`, unless the first word names another command.
 
-    An input error prints one sentence and exits with status 2.
+    The process exits as `run_command` does.
     """
     # Errors of images are reported by InputError, not by OpenCV's log.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -199,8 +203,4 @@ def main() -> None:
     ]
     if arguments and arguments[0] not in (*commands, "--help"):
         arguments = ["solve", *arguments]
-    try:
-        app(arguments)
-    except InputError as error:
-        console.print(f"error: {error}", markup=False)
-        sys.exit(2)
+    run_command(lambda: app(arguments))

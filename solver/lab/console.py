@@ -12,6 +12,7 @@ from rich.status import Status
 from rich.table import Table
 
 from solver.instrument.compiled import compiled_functions
+from solver.instrument.errors import printable
 from solver.lab.live import FrameResult
 from solver.lab.shots import Source
 from solver.lab.table import Row
@@ -72,7 +73,7 @@ def with_progress(
 def _with_latest(answers: Iterator[FrameResult], status: Status) -> Iterator[FrameResult]:
     for answer in answers:
         latency = f"{1e3 * answer.latency:.1f} ms"
-        status.update(escape(f"{answer.shot.name}  {sentence(answer.row)}  {latency}"))
+        status.update(escape(f"{printable(answer.shot.name)}  {sentence(answer.row)}  {latency}"))
         yield answer
 
 
@@ -86,7 +87,7 @@ def table(rows: list[Row], method: str) -> Table:
     for name, cells in zip(names, rows, strict=True):
         values = [cells[column] for column in (*columns[1:], "image_ms")]
         texts = (f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in values)
-        rich_table.add_row(escape(name), *texts)
+        rich_table.add_row(escape(printable(name)), *texts)
     return rich_table
 
 

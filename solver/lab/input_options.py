@@ -13,8 +13,12 @@ from solver.lab.controls import NO_CONTROLS, Controls
 from solver.lab.shots import Files, Source
 from solver.lab.sources import open_source
 
-RigOption = Annotated[
-    Path, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
+_RIG = typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
+RigOption = Annotated[Path, _RIG]
+# Without it, the source is a folder of observations, which holds its own rig.json.
+OtherRigOption = Annotated[Path | None, _RIG]
+ReadingsOption = Annotated[
+    Path | None, typer.Option(help="table like metadata.csv, in the folder of the images")
 ]
 ChannelOption = Annotated[
     str | None,
@@ -42,13 +46,16 @@ def open_inputs(
 ) -> tuple[Observations, Source]:
     """Open the rig with its calibration and rest images, and the source of frames.
 
-    `channel` replaces the rig's, for images at rest and for frames.
+    Images are also the frames of the result. `channel` replaces the rig's, for images at rest and
+    for frames.
     """
     if rig is not None:
         observations = open_rig(rig)
         used_channel = checked_channel(channel) or observations.rig.channel
         observations = replace(observations, rig=replace(observations.rig, channel=used_channel))
-        return observations, open_source(sources, readings, used_channel, controls)
+        source = open_source(sources, readings, used_channel, controls)
+        frames = source.frames if isinstance(source, Files) else ()
+        return replace(observations, frames=frames), source
     root = Path(sources[0])
     if len(sources) > 1 or not root.is_dir():
         raise InputError(

@@ -12,10 +12,11 @@ from scipy.constants import g
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.image_frame import ImageFrame
-from solver.instrument.observation import open_observations
 from solver.instrument.rig_json import rig_to_json
 from solver.instrument.units import GRAM, MILLIMETRE
 from solver.lab.console import console, setting_up
+from solver.lab.controls import NO_CONTROLS
+from solver.lab.input_options import ChannelOption, OtherRigOption, ReadingsOption, open_inputs
 from solver.lab.writing import prepare_output_path, write
 from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import frames_to_learn, learn_from_frames, measurement_of
@@ -28,10 +29,16 @@ from solver.set_up import set_up
 
 
 def learn(
-    observations: Annotated[
-        Path, typer.Argument(help="folder of observations: pushes at several places of the beam")
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            help="pushes at several places of the beam: observations folder; or images, with --rig"
+        ),
     ],
     out: Annotated[Path, typer.Option(help="rig.json to write, with the learned beam")],
+    rig: OtherRigOption = None,
+    readings: ReadingsOption = None,
+    channel: ChannelOption = None,
     centreline: Annotated[
         str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
     ] = "profile_fit",
@@ -64,13 +71,16 @@ def learn(
 ) -> None:
     """Learn the beam and its clamp from pushes against unknown objects, by images alone.
 
-    Frames of a push share push_id in metadata.csv; with a column split, those marked "learn" are
-    used. The rig's EI at the clamp stays unless one force is known, of a contact or of a hung
-    weight: images show only how EI changes along the beam. Objects must be at rest, each push
-    against one, for the clamp's offset from the motor's axis to be learned too.
+    Frames of a push share push_id in the table of readings; with a column split, those marked
+    "learn" are used. The rig's EI at the clamp stays unless one force is known, of a contact or of
+    a hung weight: images show only how EI changes along the beam. Objects must be at rest, each
+    push against one, for the clamp's offset from the motor's axis to be learned too.
     """
     known = _known_force(known_force, hung_weight)
-    files, learn_extractor = open_observations(observations), find_extractor(centreline)
+    learn_extractor = find_extractor(centreline)
+    files, _ = open_inputs(sources, rig, readings, channel, NO_CONTROLS)
+    if not files.frames:
+        raise InputError("learn needs images of pushes: save some with the command snap")
     radius = None if object_radius is None else _radius(*object_radius)
     if web_page and web_page.resolve() == out.resolve():
         raise InputError(f"--out and --page are both {out}, allowed are two files")
@@ -83,7 +93,7 @@ def learn(
     images = frames_to_learn([frame for frame in files if frame.frame_id not in hung])
     measured = track(images, "measuring", console=console, transient=True)
     beam = learn_from_frames(antenna, measured, radius, _say_left_out)
-    rig = beam.rig(files.rig)
+    learned = beam.rig(files.rig)
     if known is not None:
         frame = next((frame for frame in files if frame.frame_id == known.frame_id), None)
         measurement = None if frame is None else measurement_of(antenna, frame)
@@ -91,13 +101,13 @@ def learn(
             raise InputError(
                 f"{known.option}: {quoted(known.frame_id)} is no frame that shows the beam"
             )
-        rig = rig_with_force(rig, measurement, known.force, known.sigma, known.method)
-    write(out, rig_to_json(rig).encode())
+        learned = rig_with_force(learned, measurement, known.force, known.sigma, known.method)
+    write(out, rig_to_json(learned).encode())
     if web_page:
-        write(web_page, page(beam, rig, files.rig).encode())
+        write(web_page, page(beam, learned, files.rig).encode())
     written = f"{out} and {web_page}" if web_page else f"{out}"
     Console(highlight=False, soft_wrap=True).print(
-        f"{summary(beam, rig, files.rig)}\nwritten to {written}", markup=False
+        f"{summary(beam, learned, files.rig)}\nwritten to {written}", markup=False
     )
 
 

@@ -4,7 +4,8 @@ import copy
 import json
 import statistics
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,11 +45,16 @@ class FrameResult:
 
 
 def solve_shots(
-    source: Source, antenna: Antenna, method: Method, repeats: int = 1
+    source: Source,
+    antenna: Antenna,
+    method: Method,
+    repeats: int = 1,
+    measured: Callable[[], AbstractContextManager[None]] = nullcontext,
 ) -> Generator[FrameResult]:
     """Solve each shot with the previous frames of its push, `repeats` times for a median time.
 
-    An image that cannot be used also gives an answer, with the outcome "invalid".
+    An image that cannot be used also gives an answer, with the outcome "invalid". Each solution is
+    computed within a context `measured()`, for clocks other than those of this process.
     """
     tracker = PushTracker(antenna, method)
     for shot in source:
@@ -60,9 +66,10 @@ def solve_shots(
         # Each repeat uses a copy; otherwise the frame would be among its own previous frames.
         shared = {id(part): part for part in (antenna, method)}
         copies = [copy.deepcopy(tracker, dict(shared)) for _ in range(repeats - 1)]
-        runs = [
-            runner.solve(shot.image, shot.readings, shot.push_id) for runner in (*copies, tracker)
-        ]
+        runs = list[FrameSolution]()
+        for runner in (*copies, tracker):
+            with measured():
+                runs.append(runner.solve(shot.image, shot.readings, shot.push_id))
         seconds = statistics.median(run.seconds for run in runs)
         # Other programs only lengthen it: the shortest is the least disturbed.
         least = min(run.processor_seconds for run in runs)

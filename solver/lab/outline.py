@@ -9,19 +9,22 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.errors import InputError, quoted
+from solver.instrument.hashes import read_bytes
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.outline.contacts import Row
 from solver.outline.fit import Outline
 
 COLUMNS: Final = ("normal_deg", "x_mm", "y_mm", "sigma_mm", "nearest_contact_mm")
+# Largest table of estimates. Chosen: a row has 1 kB; an outline has thousands at most.
+_MAX_BYTES: Final = 100_000_000
 _TEXTS: Final = ("frame_id", "outcome", "message")
 
 
 def read_estimates(path: Path) -> list[Row]:
     """Read a CSV that `solve` has written; empty cells are None. Raises InputError."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_bytes(path, _MAX_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise InputError(f"{path}: cannot be read ({error})") from error
     reader = csv.DictReader(io.StringIO(text, newline=""))
     for name in ("frame_id", "outcome"):

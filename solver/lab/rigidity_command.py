@@ -64,14 +64,15 @@ def rigidity(
     output = Console(highlight=False, soft_wrap=True)
     output.print(
         f"EI = {value:.5g} +- {sigma:.2g} N mm^2 ({100 * sigma / value:.2g} %), "
-        f"{100 * (value / nominal - 1):+.2f} % from the rig's {nominal:.5g}.\n"
+        f"{100 * (value / nominal - 1):+.2f} % from the rig's {nominal:.5g}; "
+        f"+- {100 * result.known_shape_sigma / result.value:.2g} % if taper and clamp were known.\n"
         f"Fitted place of the weight: {result.at / MILLIMETRE:.2f} "
         f"+- {result.at_sigma / MILLIMETRE:.2f} mm; tip sag by own weight: "
         f"{abs(result.sag) / MILLIMETRE:.2f} mm; residual scatter: {result.misfit:.2g} sigma.\n"
         f"In {rig_file(rig)}, under beam, write\n"
         f'    "flexural_rigidity_n_mm2": {value:.6g},\n'
         f'    "flexural_rigidity_sigma_n_mm2": {sigma:.3g},\n'
-        "and under beam_shape, as EI is now that of the plane in which the beam bends, write\n"
+        "and under beam_shape, for forces in this plane only, whose EI is now known, write\n"
         '    "rigidity_sigma": 0,',
         markup=False,
     )

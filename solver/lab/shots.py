@@ -53,13 +53,14 @@ class Files:
     rate = 25.0
 
     def __init__(self, frames: Sequence[ImageFrame]) -> None:
-        self._frames = [(i, frames[i]) for i in push_order(frames)]
+        self.frames = tuple(frames)
 
     def __len__(self) -> int:
-        return len(self._frames)
+        return len(self.frames)
 
     def __iter__(self) -> Iterator[Shot]:
-        for number, frame in self._frames:
+        for number in push_order(self.frames):
+            frame = self.frames[number]
             image, fault = None, ""
             try:
                 image = frame.image()

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from solver.instrument.errors import cell_text
 from solver.instrument.estimate import Estimate
 from solver.instrument.quantities import QUANTITIES
 
@@ -19,6 +20,7 @@ COLUMNS: Final = (
     "frame_id",
     "outcome",
     "message",
+    "assumption",
     *(name for column in QUANTITIES.values() for name in (column.name, column.sigma_name)),
     *CORRELATIONS,
     "chi2",
@@ -39,7 +41,8 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
     cells.update(
         frame_id=frame_id,
         outcome=str(estimate.outcome),
-        message=estimate.message or estimate.outcome.sentence,
+        message=cell_text(estimate.message) or estimate.outcome.sentence,
+        assumption=None if estimate.assumption is None else str(estimate.assumption),
         chi2=estimate.chi2,
         dof=estimate.dof,
         iterations=estimate.iterations,
@@ -58,9 +61,12 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
 
 
 def csv_text(rows: list[Row], columns: Sequence[str] = COLUMNS) -> str:
-    """Format the table as CSV, floats in full precision."""
+    """Format the table as CSV, floats in full precision. A message may be of unknown origin."""
     stream = io.StringIO()
     writer = csv.DictWriter(stream, columns, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    for cells in rows:
+        message = cells.get("message")
+        safe = {"message": cell_text(message)} if isinstance(message, str) else {}
+        writer.writerow({**cells, **safe})
     return stream.getvalue()

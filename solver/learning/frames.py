@@ -64,10 +64,7 @@ def measured(antenna: Antenna, frame: ImageFrame) -> Measurement:
     moved = reject_moved_camera(antenna, image)
     if moved is not None:
         raise InputError(moved.message)
-    try:
-        return to_measurement(antenna, extract_centreline(antenna, image), frame.readings)
-    except ValueError as error:
-        raise InputError(str(error)) from error
+    return to_measurement(antenna, extract_centreline(antenna, image), frame.readings)
 
 
 def measurement_of(antenna: Antenna, frame: ImageFrame) -> Measurement | None:

@@ -1,10 +1,8 @@
 """Methods by name: those of the solver, and functions of other modules."""
 
 import importlib
-import traceback
-from pathlib import Path
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, described
 from solver.methods import METHODS, Method
 
 
@@ -21,11 +19,7 @@ def find_method(name: str) -> Method:
     try:
         attribute = getattr(importlib.import_module(module), function)
     except Exception as error:
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        where = f"{Path(last.filename).name}:{last.lineno}"
-        raise InputError(
-            f"method '{name}' cannot be imported: {type(error).__name__} at {where}: {error}"
-        ) from error
+        raise InputError(f"method '{name}' cannot be imported: {described(error)}") from error
     if not callable(attribute):
         raise InputError(f"method '{name}' is a {type(attribute).__name__}, allowed is a function")
     method: Method = attribute

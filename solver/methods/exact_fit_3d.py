@@ -56,7 +56,7 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
         return estimate
     refusal = no_contact(nearest_linear_bend(measurement))
     if refusal is not None and refusal.outcome is Outcome.INVALID:
-        return replace(estimate, outcome=Outcome.EDGE_ON, message=BENT_AWAY)
+        return replace(estimate, outcome=Outcome.EDGE_ON, message=BENT_AWAY, assumption=None)
     return estimate
 
 
@@ -127,10 +127,16 @@ def _other_beam(
     """Refuse an image whose beam, in the plane of inclination `psi`, is not that of its rig."""
     in_order = replace(fit, kept=fit.kept[problem.order])
     in_plane = partial(rod_in_plane, psi)
-    reason = contradiction(with_bow(measurement), problem, in_order, gain, in_plane)
-    if not reason:
+    found = contradiction(with_bow(measurement), problem, in_order, gain, in_plane)
+    if found is None:
         return None
-    return Estimate(Outcome.INVALID, reason, chi2=fit.chi2, iterations=fit.iterations)
+    return Estimate(
+        Outcome.INVALID,
+        found.reason,
+        chi2=fit.chi2,
+        iterations=fit.iterations,
+        assumption=found.assumption,
+    )
 
 
 def _uniform_minima(measurement: Measurement, with_tips: bool) -> _Found:

@@ -21,7 +21,7 @@ from solver.fitting.thresholds import LIMITS
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 
@@ -95,8 +95,17 @@ def _predicted(p: Floats, rigidity: float) -> Linearised | None:
 def _estimate(measurement: Measurement, fit: Fit) -> Estimate:
     dof = 3
 
-    def failure(outcome: Outcome, message: str = "") -> Estimate:
-        return Estimate(outcome, message, chi2=fit.chi2, dof=dof, iterations=fit.iterations)
+    def failure(
+        outcome: Outcome, message: str = "", assumption: Assumption | None = None
+    ) -> Estimate:
+        return Estimate(
+            outcome,
+            message,
+            chi2=fit.chi2,
+            dof=dof,
+            iterations=fit.iterations,
+            assumption=assumption,
+        )
 
     if fit.rank_deficient:
         return failure(Outcome.NOT_IDENTIFIABLE)
@@ -111,7 +120,9 @@ def _estimate(measurement: Measurement, fit: Fit) -> Estimate:
     q, lever, psi = (float(v) for v in fit.parameters)
     if abs(math.remainder(psi, math.tau)) > math.pi / 2 + 3 * math.sqrt(fit.covariance[2, 2]):
         return failure(
-            Outcome.INVALID, "the beam is pushed from the side where the rig has no object"
+            Outcome.INVALID,
+            "the beam is pushed from the side where the rig has no object",
+            Assumption.SIDE,
         )
     rig = measurement.rig
     shape = np.zeros(len(SHAPE))

@@ -20,6 +20,13 @@ _MARKS: Final = 4
 _CONFLICT: Final = 5.0
 
 
+# On real photographs with known loads, no force was right so far.
+TESTED: Final = (
+    "These sigmas were tested in rendered photographs only: compare a force with a known one, such "
+    "as a weighed mass, before you trust the others."
+)
+
+
 def notes_of(fit: JointFit, photos: PhotoSet, answers: Sequence[PhotoAnswer]) -> list[str]:
     """Return the sentences; `photos` and `answers` are those of the joint fit."""
     return [
@@ -27,6 +34,7 @@ def notes_of(fit: JointFit, photos: PhotoSet, answers: Sequence[PhotoAnswer]) ->
         *_of_views(photos, answers),
         *_of_shared(fit, photos),
         *_of_conflicts(fit, photos),
+        TESTED,
     ]
 
 

@@ -8,13 +8,14 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.compiled import njit
 from solver.instrument.distortion import distort
+from solver.instrument.errors import InputError
 
 
 def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
     """Project `pixels` (n, 2) to points (n, 2) on C [m] and their one-sigma vectors (n, 2) [m].
 
     `sigmas` (n, 2) [px] are the one-sigma vectors in the image; they are propagated through the
-    lens and the projection: d(point)/d(pixel) sigma. Raises ValueError at a pixel that the
+    lens and the projection: d(point)/d(pixel) sigma. Raises InputError at a pixel that the
     distortion model does not reach.
     """
     if not camera.distortion:
@@ -24,7 +25,7 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
     outside = np.isnan(normalised[:, 0])
     if outside.any():
         u, v = pixels[outside][0]
-        raise ValueError(
+        raise InputError(
             f"the pixel ({u:.0f}, {v:.0f}) is outside the field of the distortion "
             f"{camera.distortion}: it is not one-to-one so far off the axis"
         )

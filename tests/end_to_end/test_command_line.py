@@ -111,14 +111,14 @@ def test_limits_of_a_collection_are_those_of_its_rigs(
     shutil.copytree(finished, rig)
     shutil.rmtree(rig / "derived")
     (tmp_path / "collection.json").write_text("{}")
-    record = json_record(command, "limits", tmp_path, "--files", "scenes")
+    record = json_record(command, "limits", tmp_path)
     assert record == {"dataset": str(tmp_path), "frames": 4}
     here, there = read_limits(Layout(rig)), read_limits(Layout(finished))
     assert here is not None
     assert there is not None
     assert here.equals(there)
     message = command.refused("limits", rig, "--require", "x_c_mm=1")
-    assert "is a dataset, so that only --files" in message
+    assert "is a dataset, so that only --workers" in message
 
 
 def json_record(command: CommandLine, *words: str | Path) -> dict[str, Any]:

@@ -75,7 +75,8 @@ def test_points_of_no_pushed_beam_give_a_sentence(name: str, points: Floats) -> 
     for measurement in (with_points(FLAT, points), alone)[1 - with_history :]:
         found = sound(name, measurement)
         assert not found.values, found
-        assert found.message or found.outcome.sentence
+        # The other outcomes say all by themselves.
+        assert found.message or found.outcome is not Outcome.INVALID
 
 
 @settings(max_examples=8)

@@ -14,6 +14,7 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import invert
+from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
 from solver.shading import SHADING, SHADING_SIGMA
 from solver.to_measurement import to_measurement
@@ -207,3 +208,79 @@ def test_a_shift_that_the_rig_allows_is_measured_and_removed() -> None:
     # The beam is inclined against the image's rows, along which the camera was knocked.
     assert np.median(np.abs(distances(removed, place))) < 0.02 * lab.pixel
     assert np.median(np.abs(distances(contained, place))) > 0.05 * lab.pixel
+
+
+class Failing:
+    """An extractor that fails, as a defect in it would."""
+
+    shading = 1.0
+    detector = None
+
+    def __call__(self, _image: Grey) -> Centreline:
+        raise ValueError("operands could not be broadcast together")
+
+
+def singular(_measurement: Measurement) -> Estimate:
+    """A method that NumPy refuses: its LinAlgError is a ValueError."""
+    np.linalg.inv(np.zeros((2, 2)))
+    return Estimate(Outcome.NO_CONTACT, "")
+
+
+def ended(_measurement: Measurement) -> Estimate:
+    raise SystemExit(3)
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [(singular, "LinAlgError: Singular matrix (_linalg.py:"), (ended, "SystemExit: 3 (test_track")],
+)
+def test_an_error_in_a_method_is_a_crash_with_its_traceback(method: Method, message: str) -> None:
+    solution = PushTracker(bowed(np.zeros(3)), method).solve(np.zeros((HEIGHT, WIDTH), np.uint8))
+    assert solution.estimate.outcome is Outcome.CRASHED
+    assert message in solution.estimate.message
+    assert f"in {method.__name__}\n" in solution.traceback
+
+
+def test_an_error_in_the_extraction_is_a_crash_and_an_unusable_image_is_none() -> None:
+    lab = bowed(np.zeros(3))
+    image = np.zeros((HEIGHT, WIDTH), np.uint8)
+    tracker = PushTracker(replace(lab, at_rest=replace(lab.at_rest, extract=Failing())), untouched)
+    crashed, small = tracker.solve(image), tracker.solve(image[1:])
+    assert crashed.estimate.outcome is Outcome.CRASHED
+    assert "could not be broadcast together (test_tracker.py:" in crashed.estimate.message
+    assert "raise ValueError" in crashed.traceback
+    assert (small.estimate.outcome, small.traceback) == (Outcome.INVALID, "")
+
+
+def test_update_has_an_outcome_for_every_argument() -> None:
+    tracker = PushTracker(bowed(np.zeros(3)), untouched)
+    image = np.zeros((HEIGHT, WIDTH), np.uint8)
+    assert tracker.update(image, motor_angle_deg=1.0).outcome is Outcome.NO_CONTACT
+    for reading in (
+        {"motor_angle_deg": math.nan},
+        {"moment_y_n_mm": math.inf},
+        {"base_force_n": [0.0, math.nan, 1.0]},
+        {"base_moment_n_mm": [0.0, 1.0, -math.inf]},
+    ):
+        estimate = tracker.update(image, **reading)
+        assert estimate.outcome is Outcome.INVALID
+        assert "allowed are finite numbers" in estimate.message
+    for strange in ({"motor_angle_deg": "3.2"}, {"base_force_n": [1.0, 2.0]}):
+        assert tracker.update(image, **strange).outcome is Outcome.CRASHED
+    assert tracker.update([[1, 2], [3]]).outcome is Outcome.CRASHED
+
+
+def test_readings_of_a_force_sensor_reach_the_method() -> None:
+    given: list[Measurement] = []
+
+    def keeps(measurement: Measurement) -> Estimate:
+        given.append(measurement)
+        return Estimate(Outcome.NO_CONTACT, "")
+
+    PushTracker(bowed(np.zeros(3)), keeps).update(
+        np.zeros((HEIGHT, WIDTH), np.uint8),
+        base_force_n=np.array([1.0, 2.0, 3.0]),
+        base_moment_n_mm=(4.0, 5.0, 6.0),
+    )
+    assert given[0].base_force == (1.0, 2.0, 3.0)
+    assert given[0].base_moment == pytest.approx((4e-3, 5e-3, 6e-3))

@@ -17,6 +17,7 @@ from vbaa_bench.api import frame as frame_module
 from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.scene.rendering import Layer
 from vbaa_bench.scoring.child import MethodRun
 from vbaa_bench.scoring.layout import Results
@@ -115,6 +116,17 @@ def test_a_scene_in_python_is_that_of_the_file(small_scene: Path) -> None:
     )
     assert scene.scene == vb.load_scene(small_scene).scene
     assert vb.load_scene(str(small_scene), seed=12).scene.seed == 12
+
+
+def test_a_scene_in_python_may_draw_values_for_every_push() -> None:
+    scene = vb.Scene(
+        title="Two pushes",
+        seed=1,
+        pushes={"contact_distance_mm": [120, 150], "deflection_pct": [5]},
+        background={"reflectance": {"uniform": [0.05, 0.1], "per": "push"}},
+    )
+    assert scene.is_random
+    check_scene(scene, lambda _done, _total: None, pytest.fail)
 
 
 def test_named_methods_are_run_and_scored_alone(

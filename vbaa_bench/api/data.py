@@ -24,7 +24,7 @@ from vbaa_bench.generation.generate import Part
 from vbaa_bench.generation.generate import generate as generate_dataset
 from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
-from vbaa_bench.report.console import console, progress_bars
+from vbaa_bench.report.console import print_line, progress_bars
 from vbaa_bench.scene.load import SceneFile, load_scene
 
 
@@ -115,7 +115,7 @@ def generate(
     cluster = None if dask is None else ClusterAddress.checked(dask)
     file, chosen_variant = scene_file(scene), usable_variant(variant)
     root = fork_of_dataset(file, Path(out), chosen_variant) if fork else Path(out)
-    remark = _remark if progress else _ignore
+    remark = print_line if progress else _ignore
     _announce(root, Path(out), remark)
     if chosen_variant == PLAIN and variant is None:
         remark(f"rendering with scalar_rgb, about ten times slower; {ADVICE}")
@@ -160,7 +160,7 @@ def generate_rigs(
         raise InputError(f"{file.path}: rigs is missing, so it describes one dataset only")
     chosen_variant = usable_variant(variant)
     root = fork_of_collection(file, Path(out)) if fork else Path(out)
-    remark = _remark if progress else _ignore
+    remark = print_line if progress else _ignore
     _announce(root, Path(out), remark)
     with progress_bars(shown=progress) as bars:
         task = bars.add_task("rendering", total=None)
@@ -183,10 +183,6 @@ def _announce(root: Path, out: Path, remark: Callable[[str], None]) -> None:
     """Name the folder of a fork."""
     if root != out:
         remark(f"{out}: holds something else; writing to {root}")
-
-
-def _remark(sentence: str) -> None:
-    console.print(sentence, markup=False)
 
 
 def _ignore(_sentence: str) -> None:

@@ -101,7 +101,7 @@ def rendered_frame(
     planned = plan(file, pushes={frames.push_of(index) for index in indices})
     specs, rig = list(planned.frame_specs), planned.rig
     spec = next(spec for spec in specs if spec.index == number)
-    renderer = FrameRenderer(file.scene, rig, file.path.parent.resolve(), variant, threads)
+    renderer = FrameRenderer(file.scene, rig, file.folder.resolve(), variant, threads)
     if exact:
         metering = renderer.meter(metered_frames(specs))
     else:

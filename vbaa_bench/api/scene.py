@@ -31,7 +31,7 @@ length_mm?
 
     def __init__(self, **keys: Any) -> None:
         checked = check_scene(keys)
-        super().__init__(checked.path, checked.scene, checked._document)
+        super().__init__(checked.path, checked.scene, checked._document, checked._tree)
 
 
 def scene_file(scene: AnyScene) -> SceneFile:

@@ -12,11 +12,11 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, rigid, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.dataset.scene_files import FileVersion, file_version, read_version
 from vbaa_bench.geometry import objects
 from vbaa_bench.geometry.mesh_file import read_mesh, touching
 from vbaa_bench.geometry.weight import weight
 from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid, Surface, ball, upright
-from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.objects import (
     BlockSpec,
     CylinderSpec,
@@ -188,23 +188,23 @@ class Body:
         return self._placed_mesh(spec).object_from_file if isinstance(spec, MeshSpec) else np.eye(4)
 
     def _placed_mesh(self, spec: MeshSpec) -> PlacedMesh:
-        path, unit = file_of_scene(self.folder, spec.file), spec.unit_mm * MILLIMETRE
-        return _placed_mesh(path, unit, spec.turn_deg * DEGREE, self.beam_radius)
+        file, unit = file_version(self.folder, spec.file), spec.unit_mm * MILLIMETRE
+        return _placed_mesh(file, unit, spec.turn_deg * DEGREE, self.beam_radius)
 
 
 @lru_cache(maxsize=4)
-def _from_file(path: Path, unit: float) -> trimesh.Trimesh:
-    return read_mesh(path, unit)
+def _from_file(file: FileVersion, unit: float) -> trimesh.Trimesh:
+    return read_mesh(read_version(file, "mesh"), unit)
 
 
 @lru_cache(maxsize=4)
-def _placed_mesh(path: Path, unit: float, turn: float, beam_radius: float) -> PlacedMesh:
+def _placed_mesh(file: FileVersion, unit: float, turn: float, beam_radius: float) -> PlacedMesh:
     """Turn a mesh about z, and move its first contact with a beam along x to its frame's origin.
 
-    Raises InputError if its size is implausible.
+    Raises SceneFileError if the file is unusable, InputError if its size is implausible.
     """
     object_from_file = turn_about_z(turn)
-    turned = _from_file(path, unit).copy()
+    turned = _from_file(file, unit).copy()
     if turn:
         turned.vertices = apply(object_from_file, np.asarray(turned.vertices))
     before = turned.vertices[0]
@@ -212,7 +212,7 @@ def _placed_mesh(path: Path, unit: float, turn: float, beam_radius: float) -> Pl
     extent = float(mesh.extents.max())
     if not MIN_EXTENT * beam_radius < extent < MAX_EXTENT * beam_radius:
         raise InputError(
-            f"{path}: is {extent / MILLIMETRE:.4g} mm across, for a beam of "
+            f"{file.path}: is {extent / MILLIMETRE:.4g} mm across, for a beam of "
             f"{2 * beam_radius / MILLIMETRE:.4g} mm; check object.unit_mm"
         )
     low, high = (float(x) for x in mesh.bounds[:, 0])

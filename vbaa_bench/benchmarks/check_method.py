@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
 from solver.instrument.files import write_text
 from solver.instrument.observation import Observations, open_observations
@@ -25,6 +26,7 @@ from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.child import MethodRun, solve
 from vbaa_bench.scoring.metrics import read_predictions, score_frames
+from vbaa_bench.scoring.plausible import NEAR
 from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
 from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES, ScoredQuantity
 
@@ -79,9 +81,6 @@ _SIGN: Final = "see the frames Sigma_a and Sigma_o in docs/data_dictionary.md"
 # Truths below this share of the largest one are left out of ratios. Chosen: a tenth, so that small
 # errors of an estimate do not decide its ratio.
 _SMALL: Final = 0.1
-# A ratio is that of a unit if it differs from its factor by less. Derived: half the distance, in
-# logarithms, of the nearest two factors, 1 and 9.81.
-_NEAR: Final = math.sqrt(9.81)
 # RMS errors of more stated sigmas, or fewer than its inverse, are noted. Chosen: the middle, in
 # logarithms, between a correct sigma and one in mm instead of m.
 _SIGMAS: Final = math.sqrt(1000)
@@ -110,7 +109,8 @@ def built_in_dataset(folder: Path, variant: str, workers: int) -> Path:
 def check_method(method: str, root: Path, memory_gb: float) -> list[Finding]:
     """Run a method twice on FRAMES frames of a dataset; list what is right and wrong.
 
-    Raises InputError if the method cannot be found, and for a damaged dataset.
+    Raises InputError if the method cannot be found, if the rig cannot be set up, and for a damaged
+    dataset.
     """
     layout = Layout(root)
     observations = open_observations(layout.observations)
@@ -121,6 +121,8 @@ def check_method(method: str, root: Path, memory_gb: float) -> list[Finding]:
         runs = [
             solve(layout, method, path, 1, memory_gb=memory_gb, frames=chosen) for path in paths
         ]
+        if runs[0].refusal:
+            raise InputError(runs[0].refusal)
         first, second = (read_predictions(path) for path in paths)
     return compare(truth, runs[0], first, second)
 
@@ -244,9 +246,9 @@ def _unit_and_sign(scores: pl.DataFrame, quantity: ScoredQuantity) -> Iterator[F
         where = _SIGNS.get(quantity.name, _SIGN)
         if same > 0.9:
             yield Finding("wrong", f"{head}: its sign is reversed; {where}")
-    if factor != 1 and distance < _NEAR:
+    if factor != 1 and distance < NEAR:
         yield Finding("wrong", f"{head}: it seems to be {mistakes[factor]}")
-    elif distance > _NEAR:
+    elif distance > NEAR:
         yield Finding("wrong", f"{head}: is it in the unit and of the place that it should be?")
 
 

@@ -149,7 +149,7 @@ def _strip(image: Grey, beam: Floats) -> Grey:
 def photograph(file: SceneFile, variant: str) -> tuple[Grey, FrameRenderer, Pose]:
     """Render a scene's representative frame; return its 8-bit image, renderer and pose."""
     scene_plan = plan(file)
-    folder = file.path.parent.resolve()
+    folder = file.folder.resolve()
     renderer = FrameRenderer(file.scene, scene_plan.rig, folder, variant, threads=0)
     spec = _representative_frame(scene_plan, renderer)
     image, _ = renderer.photograph(spec, Metering(renderer.measure_exposure()))

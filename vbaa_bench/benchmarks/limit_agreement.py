@@ -57,7 +57,7 @@ class LitScene:
     @cached_property
     def renderer(self) -> FrameRenderer:
         """Renderer of its frames; nothing is written."""
-        scene, folder = self.file.scene, self.file.path.parent
+        scene, folder = self.file.scene, self.file.folder
         return FrameRenderer(scene, true_rig(scene), folder, self.variant, cores())
 
     @cached_property
@@ -68,7 +68,7 @@ class LitScene:
     @cached_property
     def rig_information(self) -> RigInformation:
         """Closed form of the information of the scene's images."""
-        return RigInformation(self.file.scene, self.renderer.rig, self.file.path.parent)
+        return RigInformation(self.file.scene, self.renderer.rig, self.file.folder)
 
     def frames(self, count: int) -> list[FrameSpec]:
         """Choose frames that are spread over the scene's axes."""

@@ -38,7 +38,7 @@ def outside_view(
     frames = Frames(file.scene)
     if not 0 <= number < frames.count:
         raise InputError(f"frame {number} does not exist, allowed is 0 to {frames.count - 1}")
-    planned, folder = plan(file, pushes=[frames.push_of(number)]), file.path.parent.resolve()
+    planned, folder = plan(file, pushes=[frames.push_of(number)]), file.folder.resolve()
     rig, spec = planned.rig, next(s for s in planned.frame_specs if s.index == number)
     activate(variant, 0, colour=True)
     assembler = SceneAssembler(spec.scene, rig, folder)

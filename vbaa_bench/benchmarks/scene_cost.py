@@ -81,7 +81,7 @@ def parts(file: SceneFile, variant: str, folder: Path) -> Iterator[Record]:
     yield {"width_px": camera.width, "height_px": camera.height, "plan_s": push_s}
 
     layout = Layout(folder)
-    renderer = FrameRenderer(scene, planned.rig, file.path.parent.resolve(), variant, threads=1)
+    renderer = FrameRenderer(scene, planned.rig, file.folder.resolve(), variant, threads=1)
     # Builds the world, renders the static layer and compiles kernels.
     renderer.photograph(metered[0], Metering(renderer.measure_exposure()))
     metering, table_s = _timed(lambda: renderer.meter(metered))

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from solver.instrument.safe_path import PYTHON
 from solver.instrument.transforms import rigid
 from vbaa_bench.benchmarks.reference import BEAM, Push, reference
 from vbaa_bench.benchmarks.yardstick import DENSITY, yardstick
@@ -38,7 +39,7 @@ def measure_apart(yardstick_seconds: float) -> Record:
     """Run `measure` in a fresh process whose numerical libraries use one thread."""
     environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in _ONE_THREAD}
     command = [
-        sys.executable,
+        *PYTHON,
         "-m",
         "vbaa_bench.benchmarks.speed_mechanics",
         str(yardstick_seconds),

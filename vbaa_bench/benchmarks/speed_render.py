@@ -127,7 +127,7 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
         raise InputError(f"{out}: cannot be written ({error.strerror})") from error
     deadline = perf_counter() + seconds
     scene_plan = plan(file)
-    folder, threads = file.path.parent.resolve(), cores()
+    folder, threads = file.folder.resolve(), cores()
     renderer = FrameRenderer(file.scene, scene_plan.rig, folder, variant, threads)
     spec = sorted(scene_plan.frame_specs, key=lambda spec: spec.index)[scene_plan.frames // 2]
     with tempfile.TemporaryDirectory() as temporary:

@@ -8,7 +8,6 @@ the code, so that a second run only measures the others.
 import json
 import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any, Final
 from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_text
 from solver.instrument.hashes import digest
+from solver.instrument.safe_path import PYTHON
 from vbaa_bench.benchmarks import scene_cost
 from vbaa_bench.benchmarks.scene_table import SceneSpeed, compared, csv, markdown
 from vbaa_bench.dataset.identity import dataset_identity
@@ -95,7 +95,7 @@ def _read(kept: Path, limit_s: float) -> Record:
 
 def measure_apart(path: Path, variant: str, limit_s: float) -> Record:
     """Measure a scene in a fresh process; if it fails, the record has the `reason`."""
-    command = [sys.executable, "-m", scene_cost.__name__, str(path), variant]
+    command = [*PYTHON, "-m", scene_cost.__name__, str(path), variant]
     environment = {**os.environ, **_ONE_THREAD}
     try:
         with tempfile.TemporaryDirectory(prefix="vbaa-speed-") as folder:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from solver.instrument.errors import InputError
+from solver.instrument.safe_path import PYTHON
 from vbaa_bench.benchmarks.enlarged import enlarge
 
 STAGES: Final = ("score", "report")
@@ -33,7 +34,7 @@ def measure(source: Path, frames: int, methods: Sequence[str] = ()) -> dict[str,
 
 def _run(stage: str, dataset: Path) -> dict[str, float]:
     """Run a command on a dataset in a fresh process, and measure it."""
-    command = [sys.executable, "-m", "vbaa_bench", stage, str(dataset), "--json"]
+    command = [*PYTHON, "-m", "vbaa_bench", stage, str(dataset), "--json"]
     start = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

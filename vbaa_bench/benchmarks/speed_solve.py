@@ -21,6 +21,7 @@ import numpy as np
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import open_observations
+from solver.instrument.safe_path import PYTHON
 from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker
@@ -147,7 +148,7 @@ def _child(folder: str, *arguments: object, compiled: str | None = None) -> Reco
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
     if compiled is not None:
         environment["NUMBA_CACHE_DIR"] = compiled
-    command = [sys.executable, "-m", "vbaa_bench.benchmarks.speed_solve", *map(str, arguments)]
+    command = [*PYTHON, "-m", "vbaa_bench.benchmarks.speed_solve", *map(str, arguments)]
     completed = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )

@@ -117,9 +117,9 @@ def generate(
     The exit status is 1 if frames or rigs failed; the others are complete.
     """
     choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part), fork, dask)
-    root, counts = generate_dataset(choice, out, workers, variant)
-    record = {"dataset": str(root), **counts._asdict()}
-    print_result(record, f"{counts.frames} frames in {root}", as_json)
+    root, counts, digest = generate_dataset(choice, out, workers, variant)
+    record = {"dataset": str(root), **counts._asdict(), "digest": digest}
+    print_result(record, f"{counts.frames} frames in {root}\ndigest {digest}", as_json)
     exit_if_incomplete(counts)
 
 
@@ -135,10 +135,11 @@ def exit_if_incomplete(counts: "FrameCounts") -> None:
 
 
 class GeneratedFolder(NamedTuple):
-    """A dataset or collection, and how many frames it has."""
+    """A dataset or collection, how many frames it has, and its digest."""
 
     root: Path
     counts: "FrameCounts"
+    digest: str
 
 
 class SceneChoice(NamedTuple):
@@ -175,6 +176,7 @@ def generate_dataset(
         from solver.instrument.errors import InputError
         from vbaa_bench.api import data
         from vbaa_bench.dataset.collection import count_frames
+        from vbaa_bench.dataset.overall_digest import dataset_digest
         from vbaa_bench.scene.load import load_scene
 
     file = load_scene(choice.path, choice.seed, choice.settings or (), choice.frames)
@@ -210,7 +212,7 @@ def generate_dataset(
     except KeyboardInterrupt:
         console.print("interrupted; run the same command again to continue")
         raise
-    return GeneratedFolder(Path(made), count_frames(Path(made)))
+    return GeneratedFolder(Path(made), count_frames(Path(made)), dataset_digest(Path(made)))
 
 
 def contact_sheet(

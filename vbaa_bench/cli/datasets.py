@@ -7,7 +7,7 @@ import typer
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Workers
-from vbaa_bench.report.console import console, print_result, progress_bars
+from vbaa_bench.report.console import console, print_line, print_result, progress_bars
 
 
 def verify(
@@ -18,6 +18,10 @@ def verify(
     scene: Annotated[
         Path | None,
         typer.Option(help="scene file, for --repair", show_default="the dataset's own record"),
+    ] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(help="digest that the dataset must have, which generate has printed"),
     ] = None,
     workers: Workers = None,
     as_json: AsJson = False,
@@ -40,7 +44,7 @@ def verify(
 
         def on_fault(sentence: str) -> None:
             if not as_json:
-                bars.console.print(sentence, markup=False, soft_wrap=True)
+                print_line(sentence)
 
         rendering = bars.add_task("rendering", total=None, visible=False)
 
@@ -52,6 +56,7 @@ def verify(
             METHODS,
             repair=repair,
             scene=file,
+            against=against,
             workers=workers,
             on_shard=on_shard,
             on_fault=on_fault,

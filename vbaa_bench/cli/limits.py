@@ -42,9 +42,6 @@ def limits(
         typer.Option(help="HTML page to write", show_default="runs/limits/<scene>.html"),
     ] = None,
     csv: Annotated[Path | None, typer.Option(help="CSV file to write, one row per place")] = None,
-    files: Annotated[
-        Path, typer.Option(help="of a dataset: folder of the files that its scene names")
-    ] = Path("scenes"),
     workers: Workers = None,
     variant: Variant = None,
     as_json: AsJson = False,
@@ -60,9 +57,9 @@ def limits(
     if source.is_dir():
         if vary or require or settings or out or csv or seed is not None:
             raise InputError(
-                f"{source}: is a dataset, so that only --files, --workers and --variant are allowed"
+                f"{source}: is a dataset, so that only --workers and --variant are allowed"
             )
-        frames = store_limits(source, files, workers, variant)
+        frames = store_limits(source, workers, variant)
         sentence = f"limits of {frames} frames, in {source}"
         print_result({"dataset": str(source), "frames": frames}, sentence, as_json)
         return
@@ -127,11 +124,8 @@ def limits(
     print_result({}, "\n".join([*answers(summary, required), f"page: {page}"]), False)
 
 
-def store_limits(root: Path, files: Path, workers: int | None, variant: str | None) -> int:
-    """Compute and store the limits of a dataset or collection; return their number of frames.
-
-    `files` is the folder of the files that the scene names.
-    """
+def store_limits(root: Path, workers: int | None, variant: str | None) -> int:
+    """Compute and store the limits of a dataset or collection; return their number of frames."""
     with importing():
         from vbaa_bench.api.data import usable_variant, worker_count
         from vbaa_bench.dataset.collection import CollectionLayout, is_collection
@@ -147,7 +141,6 @@ def store_limits(root: Path, files: Path, workers: int | None, variant: str | No
         for one in roots:
             table = limits_of_dataset(
                 one,
-                files,
                 chosen,
                 count,
                 lambda done, total: bars.update(task, completed=done, total=total),

@@ -2,12 +2,13 @@
 
 import importlib.metadata
 import sys
+import warnings
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from solver.instrument.errors import InputError
+from solver.lab.command_end import run_command
 from vbaa_bench.cli import checks, data, datasets, measure, regression, results
 from vbaa_bench.cli.endurance import endurance_app
 from vbaa_bench.cli.export import check_exports, export
@@ -51,6 +52,7 @@ app.command()(measure.budget)
 app.command()(measure.stability)
 app.command()(measure.stress)
 app.command()(measure.learned)
+app.command()(measure.remake)
 app.command()(outline)
 app.command()(check_photographs)
 app.command()(checks.leaks)
@@ -78,18 +80,26 @@ def options(
 
 
 def main() -> None:
-    """Run the command line. The exit status is 2 for an input error, 130 for Ctrl-C.
+    """Run the command line, and exit as `run_command` does; with 1 if a worker process died.
 
-    A dead worker process gives exit status 1. Errors are printed as one message.
+    Errors are printed as one message.
     """
     heed_interrupts()
+    run_command(_run)
+
+
+def _run() -> None:
+    # Polars warns, and the process is then killed by an illegal instruction.
+    warnings.filterwarnings("error", "Missing required CPU features", RuntimeWarning)
     try:
         app()
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except InputError as error:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
-        sys.exit(2)
+    except RuntimeWarning as error:
+        if "CPU features" not in str(error):
+            raise
+        raise InputError(
+            "polars needs instructions that this processor lacks, such as AVX2: "
+            "pip install 'polars[rtcompat]'"
+        ) from error
     except WorkerDiedError as error:
-        Console(stderr=True, highlight=False).print(f"error: {error}", markup=False)
+        print(f"error: {error}", file=sys.stderr)
         sys.exit(1)

@@ -11,6 +11,25 @@ from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, ScenePath, Vari
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 
+def remake(
+    results: Annotated[Path, typer.Argument(help="folder of results, such as results/outline")],
+    work: Annotated[
+        Path | None,
+        typer.Option(help="folder for datasets", show_default="runs/remake/<results>"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a folder of results again by its script, and record version and rendering target.
+
+    It takes up to 90 minutes on two cores, and is then stopped. Files are replaced only at the end.
+    """
+    with importing():
+        from vbaa_bench.benchmarks.remake import remake as remake_results
+
+    record = remake_results(results, work or Path("runs", "remake", results.resolve().name))
+    print_result(record, f"{results}: made again in {record['minutes']:g} minutes", as_json)
+
+
 def stability(as_json: AsJson = False) -> None:
     """Measure each method's noise amplification, rounding sensitivity and condition number."""
     with importing():

@@ -42,7 +42,7 @@ def outline(
     records = {}
     for path, file, true_outline in zip(scenes, files, true_outlines, strict=True):
         name = path.stem if seed is None else f"{path.stem}_{seed}"
-        root, _ = generate_dataset(SceneChoice(path, seed, None), work / name, workers, variant)
+        root = generate_dataset(SceneChoice(path, seed, None), work / name, workers, variant).root
         solve_dataset(root, [method], None, 1, MEMORY_GB)
         records[name], reconstruction = measure(true_outline, root, method)
         if out:

@@ -38,14 +38,19 @@ def compare(
     run: Annotated[Path, typer.Argument(help="folder of a scored run, or of several")],
     baseline: Annotated[Path, typer.Argument(help="baseline file, or folder of several")],
     everything: Annotated[
-        bool, typer.Option("--all", help="also print what has not changed")
+        bool, typer.Option("--all", help="also print what has not changed, and all strata")
+    ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="fail if a result of all frames is not distinguishable")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare a scored run with its baseline; report what became better or worse.
 
     A folder of baselines is compared with the runs of the same names. The exit status is 1 if any
-    result is worse, and 2 if nothing can be compared.
+    result is worse, and 2 if nothing can be compared. Results that are not distinguishable do not
+    fail, because some are in every comparison of few pushes or of other images; with --strict the
+    exit status is 3 if one of all frames is, and none is worse.
     """
     with importing():
         from vbaa_bench.regression.comparison import compare as compare_runs
@@ -53,17 +58,18 @@ def compare(
 
     with console.status("comparing"):
         comparison = compare_runs(pairs_of(run, baseline))
-    worse, better = comparison.worse, comparison.better
+    worse = comparison.worse
     if as_json:
         record = {
             "worse": len(worse),
-            "better": len(better),
+            "better": len(comparison.better),
+            "not_distinguishable": len(comparison.not_distinguishable),
             "notes": list(comparison.notes),
             "changes": comparison.records(),
         }
         print_result(record, "", True)
     else:
-        shown = comparison.changes if everything else [*worse, *better]
+        shown = comparison.changes if everything else comparison.reported
         if shown:
             show_table("changes", _HEADS, map(_cells, shown))
         for note in comparison.notes:
@@ -71,6 +77,8 @@ def compare(
         print_result({}, comparison.sentence, False)
     if worse:
         raise typer.Exit(1)
+    if strict and comparison.unresolved:
+        raise typer.Exit(3)
 
 
 _HEADS = (
@@ -89,7 +97,7 @@ _HEADS = (
 
 def _cells(change: "Change") -> tuple[str, ...]:
     unit = f", {change.unit}" if change.unit else ""
-    smallest = "–" if change.smallest is None else f"{change.smallest:.2g}"
+    smallest = "none" if change.smallest is None else f"{change.smallest:.2g}"
     return (
         change.scene,
         change.method,

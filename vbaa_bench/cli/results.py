@@ -61,9 +61,9 @@ def run(
 ) -> None:
     """Generate, solve, score and report a scene, with the information limits of its frames."""
     choice = SceneChoice(scene, seed, settings, frames, rigs, fork=fork, dask=dask)
-    root, counts = generate_dataset(choice, out, workers, variant)
+    root, counts, _ = generate_dataset(choice, out, workers, variant)
     if limits:
-        store_limits(root, scene.parent, workers, variant)
+        store_limits(root, workers, variant)
     runs = solve_dataset(root, method, centreline, repeats, memory)
     with importing():
         from vbaa_bench.api import results

@@ -47,9 +47,6 @@ def view(
     push: Annotated[
         list[str] | None, typer.Option(help="push_id of the frames to show; repeatable")
     ] = None,
-    files: Annotated[Path, typer.Option(help="folder of the files that the scene names")] = Path(
-        "scenes"
-    ),
     as_json: AsJson = False,
 ) -> None:
     """Show frames with truth and estimates: as a recording for rerun, an animation or one picture.
@@ -75,7 +72,7 @@ def view(
             prepare_output_path(target)
             progress = partial(_report, bars, bars.add_task(kind, total=len(data)))
             if kind == Format.RRD:
-                remark = write_recording(data, target, files, progress)
+                remark = write_recording(data, target, progress)
                 console.print(remark, markup=False, end="\n" if remark else "")
             else:
                 write(target, draw[kind](data, progress))

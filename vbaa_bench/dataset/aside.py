@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from solver.instrument.files import read_regular
 from vbaa_bench.dataset.layout import Layout
 
 _CURRENT: Final = "current"
@@ -46,6 +47,6 @@ def clear_aside(layout: Layout, job: str | None = None) -> Counter[str]:
     names = Counter[str]()
     for folder in layout.all_aside(job):
         with contextlib.suppress(OSError, UnicodeDecodeError):  # it died before its first frame
-            names[(folder / _CURRENT).read_text(encoding="utf-8")] += 1
+            names[read_regular(folder / _CURRENT).decode()] += 1
         shutil.rmtree(folder, ignore_errors=True)
     return names

@@ -1,7 +1,8 @@
 """Paths of a collection: many random rigs of one scene, each a dataset in the same folder.
 
 COLLECTION/
-  collection.json   the scene with its distributions
+  collection.json   the scene with its distributions, and the sha256 of the files that it names
+  files/            copies of these files
   rigs.csv          the truth of the rigs: their seeds and drawn values, or why one is impossible
   hashes.json       sha256 of these files
   rig_00000/        a dataset
@@ -15,13 +16,14 @@ from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
 import polars as pl
+from pydantic import Field
 
 from solver.instrument.errors import DamageError, InputError, truncated
 from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
 from vbaa_bench.dataset.differences import as_in_file, differences, listing
 from vbaa_bench.dataset.document import Document, check_document
 from vbaa_bench.dataset.identity import OtherDatasetError
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.recorded import exists, write_recorded
 
@@ -34,6 +36,7 @@ class _Scene(Document):
     title: str
     seed: int
     rigs: int | None = None
+    files: dict[str, str] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,11 @@ class CollectionLayout:
         return self.root / "collection.json"
 
     @property
+    def files(self) -> Path:
+        """The folder of copies of the files that the scene names."""
+        return self.root / FILES
+
+    @property
     def table(self) -> Path:
         """The table of the rigs and their drawn values."""
         return self.root / "rigs.csv"
@@ -56,18 +64,32 @@ class CollectionLayout:
         """Read the collection's scene. Raises InputError if it cannot be one."""
         document = read_json(self.scene)
         check_document(self.scene, document, _Scene)
-        return document
+        return {key: value for key, value in document.items() if key != FILES}
+
+    def read_files(self) -> dict[str, str]:
+        """Read the sha256 of the files that the scene names, by name. Raises InputError."""
+        document = read_json(self.scene)
+        return dict(check_document(self.scene, document, _Scene).files)
 
     def rig(self, number: int) -> Layout:
         """Return the layout of one rig's dataset."""
         return Layout(self.root / f"rig_{number:05d}")
 
-    def write_scene(self, scene: Mapping[str, Any]) -> None:
-        """Write the collection's scene, as keys and values with distributions. Raises OSError."""
-        write_recorded(self.root, {self.scene.name: _encoded(scene)})
+    def write_scene(self, scene: Mapping[str, Any], files: Mapping[str, str]) -> None:
+        """Write the collection's scene, as keys and values with distributions. Raises OSError.
 
-    def check_scene(self, scene: Mapping[str, Any]) -> Literal["empty", "same", "smaller", "part"]:
-        """Check that the folder is empty or holds rigs of this scene.
+        `files` are the sha256 of the files that it names, of which there are copies.
+        """
+        write_recorded(
+            self.root,
+            {self.scene.name: _encoded(scene, files)},
+            digests={f"{FILES}/{name}": value for name, value in files.items()},
+        )
+
+    def check_scene(
+        self, scene: Mapping[str, Any], files: Mapping[str, str]
+    ) -> Literal["empty", "same", "smaller", "part"]:
+        """Check that the folder is empty or holds rigs of this scene, made with these files.
 
         A smaller collection, with fewer rigs, can grow; "part" is a smaller scene than that of the
         collection. A damaged collection.json is the same if its recorded hash is. Raises
@@ -75,7 +97,7 @@ class CollectionLayout:
         the differences.
         """
         new, recorded = as_in_file(scene), (read_hashes(self.root) or {}).get(self.scene.name)
-        if recorded == digest(_encoded(new)):
+        if recorded == digest(_encoded(new, files)):
             return "same"
         if not self.scene.is_file():
             paths = self.root.iterdir() if self.root.exists() else iter(())
@@ -91,6 +113,13 @@ class CollectionLayout:
             raise OtherDatasetError(
                 f"{self.root}: holds the collection of another scene ({listing(changed)}); choose "
                 "another folder with --out, start beside it with --fork, or delete this one"
+            )
+        if edited := [one.key for one in differences(self.read_files(), dict(files))]:
+            raise OtherDatasetError(
+                f"{self.root}: was made with other files than those beside the scene "
+                f"({listing(edited)}); put back the files with which it was made, of which "
+                f"{self.files} has copies, choose another folder with --out, start beside it with "
+                "--fork, or delete this one"
             )
         return "part" if (old.get("rigs") or 0) > (new.get("rigs") or 0) else "smaller"
 
@@ -132,8 +161,8 @@ class CollectionLayout:
         return layouts
 
 
-def _encoded(scene: Mapping[str, Any]) -> bytes:
-    return (json.dumps(scene, indent=2) + "\n").encode()
+def _encoded(scene: Mapping[str, Any], files: Mapping[str, str]) -> bytes:
+    return (json.dumps({**scene, FILES: dict(files)}, indent=2) + "\n").encode()
 
 
 class FrameCounts(NamedTuple):

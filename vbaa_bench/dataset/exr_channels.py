@@ -20,7 +20,14 @@ def channels(path: Path, max_values: int = MAX_VALUES) -> dict[str, np.ndarray]:
 
     The size is read from the header, before memory is allocated. Raises InputError.
     """
-    data = read_bytes(path)
+    return decode_channels(read_bytes(path), path, max_values)
+
+
+def decode_channels(data: bytes, path: Path, max_values: int) -> dict[str, np.ndarray]:
+    """Decode the bytes of a file as `channels` does; `path` is for messages only.
+
+    Raises InputError.
+    """
     try:
         with OpenEXR.File(io.BytesIO(data), header_only=True) as head:
             sizes = [_size(part.header) for part in head.parts]

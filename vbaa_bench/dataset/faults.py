@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from solver.instrument.files import sha256
+from solver.instrument.files import read_regular, sha256
 from solver.instrument.hashes import HASHES, digest, parse_hashes
 
 MISSING: Final = "missing"
@@ -69,7 +69,7 @@ def table_of(folder: Path, recorded: str | None = None) -> Table:
     if folder.is_symlink() or path.is_symlink():
         return Table(None, "", Fault(path, LINK, "is a link, allowed is what was generated"))
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except FileNotFoundError:
         return Table(None, "", missing(path))
     except OSError as error:

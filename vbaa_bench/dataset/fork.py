@@ -9,6 +9,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.identity import OtherDatasetError, check_identity, dataset_identity
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.scene_files import file_digests
 from vbaa_bench.scene.load import SceneFile
 
 # Chosen: more datasets of one scene than anyone keeps in one folder.
@@ -29,7 +30,8 @@ def fork_of_collection(file: SceneFile, root: Path) -> Path:
 
     Raises InputError.
     """
-    return _first(root, lambda folder: CollectionLayout(folder).check_scene(file.template))
+    files = file_digests(file)
+    return _first(root, lambda folder: CollectionLayout(folder).check_scene(file.template, files))
 
 
 def _first(root: Path, check: Callable[[Path], object]) -> Path:

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.errors import DamageError, InputError, truncated
+from solver.instrument.files import open_regular
 from solver.instrument.hashes import MEND, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.labels import check_labels, label_columns, select_labels, to_array
@@ -121,7 +122,10 @@ def _part(
     truth_file = layout.truth / folder.name / "truth.parquet"
 
     def source(path: Path) -> Path | io.BytesIO:
-        return io.BytesIO(read_bytes(path)) if check else path
+        if check:
+            return io.BytesIO(read_bytes(path))
+        open_regular(path).close()
+        return path
 
     try:
         metadata = pl.read_csv(source(folder / "metadata.csv"), infer_schema=False)

@@ -10,6 +10,7 @@ import numpy as np
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import DamageError, InputError
+from solver.instrument.files import read_regular
 from solver.instrument.hashes import MEND
 from solver.instrument.images import decode_grey
 from vbaa_bench.dataset.frame_index import FrameIndex, Shard
@@ -68,7 +69,7 @@ class FrameRecords:
 
     def _content(self, number: int, path: Path) -> bytes:
         try:
-            content = path.read_bytes()
+            content = read_regular(path)
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
         digests = self.index.sha256

@@ -2,22 +2,19 @@
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, Literal
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import sha256, write_bytes
+from solver.instrument.files import holds, read_regular, write_bytes
 from solver.instrument.hashes import digest, parse_hashes
 from vbaa_bench.dataset.code import code_digests
 from vbaa_bench.dataset.differences import Difference, as_in_file, differences, listing
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.manifest import read_json, versions
+from vbaa_bench.dataset.scene_files import file_digests
 from vbaa_bench.dataset.schema import SCHEMA, migrated_identity, version_of
 from vbaa_bench.dataset.target import target
-from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.objects import MeshSpec
-from vbaa_bench.scene.paint import ImageTextureSpec
 
 Identity = dict[str, Any]
 
@@ -27,34 +24,17 @@ class OtherDatasetError(InputError):
 
 
 def dataset_identity(file: SceneFile, variant: str) -> Identity:
-    """Collect everything that the bytes of a dataset depend on, without the scene's title."""
-    scene = file.scene
-    texture = getattr(scene.object, "texture", None)
-    names = [scene.object.file] if isinstance(scene.object, MeshSpec) else []
-    names += [light.file for light in scene.lights if light.kind == "environment" and light.file]
-    names += [scene.background.image_file] if scene.background.image_file else []
-    names += [texture.file] if isinstance(texture, ImageTextureSpec) else []
+    """Collect everything that the bytes of a dataset depend on, without the scene's title.
+
+    Raises SceneFileError if a file that the scene names or may draw cannot be read.
+    """
     return {
         "schema": SCHEMA,
-        "scene": scene.model_dump(mode="json", exclude={"title"}),
-        "files": {name: _sha256(file.path.parent, name) for name in names},
+        "scene": file.scene.model_dump(mode="json", exclude={"title"}),
+        FILES: file_digests(file),
         "made_with": {"variant": variant, "target": target(variant), **versions()},
         "code": code_digests(),
     }
-
-
-def _sha256(folder: Path, name: str) -> str | None:
-    """Compute the sha256 of a scene's file; None if it is missing or not allowed, as `plan` says.
-
-    Raises InputError if it cannot be read.
-    """
-    path = folder / name
-    try:
-        return sha256(file_of_scene(folder, name)) if path.is_file() else None
-    except InputError:
-        return None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def check_identity(layout: Layout, here: Identity) -> Literal["empty", "same", "smaller"]:
@@ -66,10 +46,10 @@ def check_identity(layout: Layout, here: Identity) -> Literal["empty", "same", "
     machine; the message names the differences.
     """
     path, data = layout.identity, _encoded(here)
-    if path.is_file() and path.read_bytes() == data:
+    if holds(path, data):
         return "same"
     recorded = layout.truth / layout.hashes.name
-    table = (parse_hashes(recorded.read_bytes()) if recorded.is_file() else None) or {}
+    table = (parse_hashes(read_regular(recorded)) if recorded.is_file() else None) or {}
     if table.get(path.name) == digest(data):
         write_bytes(path, data)
         return "same"
@@ -107,7 +87,7 @@ def write_identity(layout: Layout, identity: Identity) -> str:
     """Write identity.json unless it exists; return its sha256. Raises OSError."""
     data = _encoded(identity)
     layout.truth.mkdir(parents=True, exist_ok=True)
-    if not (layout.identity.is_file() and layout.identity.read_bytes() == data):
+    if not holds(layout.identity, data):
         write_bytes(layout.identity, data)
     return digest(data)
 
@@ -130,7 +110,16 @@ def _refusal(layout: Layout, recorded: Identity, here: Identity) -> str:
     changed = {part: _changes(part, recorded, here) for part in ("scene", "files", "made_with")}
     modules = [change.key or "an older one" for change in _changes("code", recorded, here)]
     code = [f"{len(modules)} modules of the code"] if modules else []
-    if changed["scene"] or changed["files"]:
+    if changed["files"]:
+        names = listing([change.key for change in changed["files"]])
+        remedy = (
+            f"put back the files with which it was made, of which {layout.files} has copies, or "
+            f"{remedy}"
+        )
+        if not changed["scene"]:
+            files = f"other files than those beside the scene ({names})"
+            return f"{layout.root}: was made with {files}; {remedy}"
+    if changed["scene"]:
         grid = (here["scene"]["sampling"] or {}).get("method") == "grid"
         if grid and any(change.key == "sampling.count" for change in changed["scene"]):
             remedy = f"a grid cannot grow, method sobol can; {remedy}"

@@ -7,9 +7,10 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, parse_hashes
 from vbaa_bench.dataset.faults import Fault, Table, file_fault, folder_faults, name_faults, table_of
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.writer import FAILURES
 
 
@@ -17,12 +18,14 @@ from vbaa_bench.dataset.writer import FAILURES
 class Contents:
     """Contents of a complete dataset: single images, frame ids by shard, truth images or not.
 
-    Images are named as in observations/. A part of a dataset has some of its shards.
+    Images are named as in observations/, `files` of the scene as in truth/files/. A part of a
+    dataset has some of its shards.
     """
 
     images: tuple[str, ...]
     shards: Mapping[int, tuple[str, ...]]
     layers: bool
+    files: tuple[str, ...] = ()
 
     def names(self, tree: str, number: int, failed: Collection[str] = ()) -> set[str]:
         """Name the files of a shard in one of the trees, except its hashes.json.
@@ -60,6 +63,7 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
     inventory = Inventory()
     recorded = {tree.name: _recorded(tree) for tree in layout.trees}
     singles = [(layout.observations, name) for name in contents.images]
+    singles += [(layout.truth, f"{FILES}/{name}") for name in contents.files]
     for tree, name in [*singles, (layout.truth, layout.manifest.name)]:
         table = recorded[tree.name]
         expected = (table or {}).get(name)
@@ -100,7 +104,7 @@ def failed_frames(folder: Path, table: Table) -> dict[str, str] | None:
     if FAILURES not in (table.hashes or {}):
         return {}
     try:
-        reasons = json.loads((folder / FAILURES).read_bytes())
+        reasons = json.loads(read_regular(folder / FAILURES))
     except (OSError, ValueError, RecursionError):
         return None
     return reasons if isinstance(reasons, dict) else None
@@ -122,6 +126,7 @@ def open_for_growth(layout: Layout, contents: Contents) -> None:
 def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
     """Find files in the trees that are neither contents nor in shards; no link is followed."""
     known = {layout.observations / name for name in (*contents.images, "rig.json")}
+    known |= {layout.files / name for name in contents.files}
     known |= {layout.identity, layout.manifest, *(tree / HASHES for tree in layout.trees)}
     shards = {layout.shard(tree, number) for tree in layout.trees for number in contents.shards}
     for tree in layout.trees:
@@ -137,6 +142,6 @@ def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
 def _recorded(tree: Path) -> dict[str, str] | None:
     """Read the table of a tree's hashes.json: None if it is missing, empty if it is damaged."""
     try:
-        return parse_hashes((tree / HASHES).read_bytes()) or {}
+        return parse_hashes(read_regular(tree / HASHES)) or {}
     except OSError:
         return None

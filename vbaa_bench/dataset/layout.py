@@ -3,7 +3,8 @@
 DATASET/
   observations/   see solver/instrument/observation.py
   truth/
-    identity.json                    scene, variant, versions, code; written first
+    identity.json                    scene, variant, target, versions, code; written first
+    files/                           copies of the files that the scene names; see scene_files.py
     shard_00000/truth.parquet        one row per frame
     shard_00000/<frame_id>.exr       radiance and truth layers
     shard_00000/failures.json        why frames of the shard are missing; only if some are
@@ -19,8 +20,12 @@ observations/hashes.json. The dataset is complete if this last file exists.
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from solver.instrument.hashes import HASHES
+
+# Folder of the files that a scene names, in the truth of a dataset and in a collection.
+FILES: Final = "files"
 
 
 def shard_name(number: int) -> str:
@@ -63,6 +68,11 @@ class Layout:
     def identity(self) -> Path:
         """The file that identifies the dataset's scene and program."""
         return self.truth / "identity.json"
+
+    @property
+    def files(self) -> Path:
+        """The folder of copies of the files that the scene names."""
+        return self.truth / FILES
 
     @property
     def manifest(self) -> Path:

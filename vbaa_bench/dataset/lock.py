@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from solver.instrument.errors import InputError
+from solver.instrument.files import read_regular
 
 # Errors of file systems without locks, such as some that clusters share.
 _WITHOUT_LOCKS: Final = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
@@ -142,7 +143,7 @@ def _this_process() -> bytes:
 def _has_died(owner: Path) -> bool:
     """Test whether the holder was a process of this machine that has ended."""
     try:
-        holder = json.loads(owner.read_bytes())
+        holder = json.loads(read_regular(owner))
         if holder["host"] != socket.gethostname() or sys.platform == "win32":
             return False
         os.kill(int(holder["pid"]), 0)
@@ -155,7 +156,7 @@ def _has_died(owner: Path) -> bool:
 
 def _holder(path: Path) -> str:
     try:
-        holder = json.loads(path.read_text(encoding="utf-8"))
+        holder = json.loads(read_regular(path))
         return f"process {holder['pid']} on {holder['host']} since {holder['since']}"
     except (OSError, ValueError, KeyError, TypeError):
         return "another process"

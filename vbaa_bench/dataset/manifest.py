@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import sync_folder, write_bytes
+from solver.instrument.files import holds, sync_folder, write_bytes
 from solver.instrument.hashes import HASHES, digest, hashes_bytes, read_bytes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.schema import SCHEMA
@@ -54,7 +54,7 @@ def manifest_bytes(document: Mapping[str, Any]) -> bytes:
 
 
 def _write(path: Path, data: bytes) -> None:
-    if not (path.is_file() and path.read_bytes() == data):
+    if not holds(path, data):
         write_bytes(path, data)
         sync_folder(path.parent)
 

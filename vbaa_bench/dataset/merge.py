@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes
-from solver.instrument.hashes import digest, read_hashes
+from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.copied import seal_copy
 from vbaa_bench.dataset.differences import listing
@@ -120,10 +120,10 @@ def _manifest(parts: Sequence[Layout]) -> dict[str, Any]:
 
 def _merge_collections(parts: Sequence[CollectionLayout], out: CollectionLayout) -> None:
     out.root.mkdir(parents=True, exist_ok=True)
-    scene = parts[0].read_scene()
+    scene, files = parts[0].read_scene(), parts[0].read_files()
     rows: dict[int, dict[str, str | None]] = {}
     for part in parts:
-        if read_json(part.scene) != scene:
+        if part.read_scene() != scene or part.read_files() != files:
             raise InputError(f"{part.root}: is no part of the collection {parts[0].root}")
         rows |= part.read_rows()
         for number, layout in part.rigs().items():
@@ -131,4 +131,10 @@ def _merge_collections(parts: Sequence[CollectionLayout], out: CollectionLayout)
                 raise InputError(f"{part.root}: overlaps another part, both have rig {number}")
             _copy([layout], out.rig(number))
     out.write_rows(rows)
-    out.write_scene(scene)
+    for name, recorded in files.items():
+        data = read_bytes(parts[0].files / name)
+        if digest(data) != recorded:
+            raise DamageError(f"{parts[0].files / name}: is not what was generated; {MEND}")
+        (out.files / name).parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(out.files / name, data)
+    out.write_scene(scene, files)

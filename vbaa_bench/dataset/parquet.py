@@ -35,13 +35,15 @@ def read_parquet(
         if schema is not None:
             check_types({name: dtypes[name] for name in names}, schema, str(path))
         rows = max_values // max(len(names), 1)
-        # One row more shows that there are too many, and never needs more memory.
-        table = pl.read_parquet(io.BytesIO(data), columns=names, n_rows=rows + 1)
+        # As the file's last bytes state it. They may be wrong, so no more is read than is allowed.
+        stated = pl.scan_parquet(io.BytesIO(data)).select(pl.len()).collect().item()
+        if stated <= rows:
+            table = pl.read_parquet(io.BytesIO(data), columns=names, n_rows=rows + 1)
     # Polars panics on some damaged files.
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is not a Parquet table ({truncated(reason)})") from error
-    if table.height > rows:
+    if stated > rows or table.height > rows:
         raise InputError(
             f"{path}: has more than {rows:,} rows of {len(names)} columns, allowed are "
             f"{max_values:,} values"

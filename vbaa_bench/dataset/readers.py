@@ -11,6 +11,7 @@ import polars as pl
 
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError, quoted, truncated
+from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, MEND, listed, read_bytes, read_hashes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
@@ -181,7 +182,7 @@ def copy_observations(layout: Layout, target: Path) -> None:
     """
     check_complete(layout)
     copy_tree(layout.observations, target)
-    (target / HASHES).write_bytes((layout.observations / HASHES).read_bytes())
+    (target / HASHES).write_bytes(read_regular(layout.observations / HASHES))
 
 
 def copy_tree(source: Path, target: Path) -> None:

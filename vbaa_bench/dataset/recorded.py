@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from solver.instrument.errors import DamageError, InputError
-from solver.instrument.files import sync_folder, write_bytes
+from solver.instrument.files import move_into_place, sync_folder, write_bytes
 from solver.instrument.hashes import HASHES, MEND, digest, hashes_bytes, read_hashes
 from vbaa_bench.dataset.lock import locked
 
@@ -19,12 +19,18 @@ from vbaa_bench.dataset.lock import locked
 _WAIT_S: Final = 30.0
 
 
-def write_recorded(folder: Path, files: Mapping[str, bytes], removed: Collection[str] = ()) -> None:
+def write_recorded(
+    folder: Path,
+    files: Mapping[str, bytes],
+    removed: Collection[str] = (),
+    digests: Mapping[str, str] | None = None,
+) -> None:
     """Write the files of a folder by name, and record their sha256 in its hashes.json.
 
-    `removed` are names of files that are deleted. After a crash every file is the old or the new
-    one, and one that does not match hashes.json is reported when it is read. Raises OSError, where
-    a full disk changes no file; InputError if another process keeps writing into the folder.
+    `removed` are names of files that are deleted, `digests` the sha256 of other files that the
+    caller writes. After a crash every file is the old or the new one, and one that does not match
+    hashes.json is reported when it is read. Raises OSError, where a full disk changes no file;
+    InputError if another process keeps writing into the folder.
     """
     folder.mkdir(parents=True, exist_ok=True)
     aside = {name: folder / f".{name}.new" for name in files}
@@ -33,11 +39,11 @@ def write_recorded(folder: Path, files: Mapping[str, bytes], removed: Collection
             for name, data in files.items():
                 write_bytes(aside[name], data)
             kept = {name: value for name, value in _table(folder).items() if name not in removed}
-            digests = {name: digest(data) for name, data in files.items()}
+            written = {name: digest(data) for name, data in files.items()}
             # The hashes come first: files of two runs are never mixed without a message.
-            write_bytes(folder / HASHES, hashes_bytes(kept | digests))
+            write_bytes(folder / HASHES, hashes_bytes(kept | dict(digests or {}) | written))
             for name, path in aside.items():
-                path.replace(folder / name)
+                move_into_place(path, folder / name)
             for name in removed:
                 (folder / name).unlink(missing_ok=True)
             sync_folder(folder)

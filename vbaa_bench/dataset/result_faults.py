@@ -1,11 +1,13 @@
 """Faults of the results of a dataset or collection, and the commands that compute them again."""
 
+import io
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import polars as pl
 
+from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, digest
 from vbaa_bench.dataset.faults import (
     DAMAGED,
@@ -99,8 +101,8 @@ def _is_own(folder: Path, name: str, methods: Collection[str]) -> bool:
 def _limits_of_another_truth(root: Path) -> Iterator[Fault]:
     path, truth = root / "derived" / "limits.parquet", root / "truth" / HASHES
     try:
-        recorded = pl.read_parquet_metadata(path).get("truth")
-        current = digest(truth.read_bytes())
+        recorded = pl.read_parquet_metadata(io.BytesIO(read_regular(path))).get("truth")
+        current = digest(read_regular(truth))
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
         return  # reported with the other files
     if recorded != current:

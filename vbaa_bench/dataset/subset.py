@@ -13,8 +13,8 @@ from typing import Any, Final, NamedTuple
 
 import polars as pl
 
-from solver.instrument.errors import InputError
-from solver.instrument.hashes import HASHES, digest, hashes_bytes, read_bytes, read_hashes
+from solver.instrument.errors import DamageError, InputError
+from solver.instrument.hashes import HASHES, MEND, digest, hashes_bytes, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import is_collection
 from vbaa_bench.dataset.copied import seal_copy
 from vbaa_bench.dataset.derived import read_limits, write_limits
@@ -173,10 +173,12 @@ def _write(large: Layout, small: Layout, chosen: Mapping[int, Frames], choice: C
             tables[target.name][f"{folder.name}/{HASHES}"] = digest(table)
     counts = {"frames": record["frames"], "failed_frames": failed, "subset": record}
     for source, target in zip(large.trees, small.trees, strict=True):
-        for name in read_hashes(source) or {}:
+        for name, recorded in (read_hashes(source) or {}).items():
             if name.endswith(f"/{HASHES}"):
                 continue
             data = read_bytes(source / name)
+            if digest(data) != recorded:  # of a file in a deeper folder
+                raise DamageError(f"{source / name}: is not what was generated; {MEND}")
             if source / name == large.manifest:
                 data = manifest_bytes({**json.loads(data), **counts})
             elif source / name == large.identity:

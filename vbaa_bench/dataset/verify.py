@@ -4,6 +4,7 @@ No file is trusted: contents are compared with the sha256 in the hashes.json of 
 hashes.json with that of its tree, both trees with each other, and the two records of the truth.
 """
 
+import contextlib
 import os
 import re
 from collections.abc import Callable, Collection, Iterator
@@ -14,6 +15,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from solver.instrument.errors import InputError
+from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, checks_itself
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.faults import (
@@ -88,8 +90,8 @@ def _collection_faults(layout: CollectionLayout, rigs: Collection[int]) -> Itera
     table = table_of(layout.root)
     if table.fault is not None:
         yield table.fault
-    for path in (layout.scene, layout.table):
-        recorded = (table.hashes or {}).get(path.name)
+    for path in (layout.scene, layout.table, *_files_of_scene(layout)):
+        recorded = (table.hashes or {}).get(path.relative_to(layout.root).as_posix())
         fault = file_fault(path, recorded) if recorded else None
         if fault is not None:
             yield fault
@@ -107,6 +109,14 @@ def _collection_faults(layout: CollectionLayout, rigs: Collection[int]) -> Itera
             yield Fault(folder, SURPLUS, "is impossible according to rigs.csv")
         elif not rows[number].get("reason") and number not in rigs:
             yield Fault(folder, INCOMPLETE, "is missing, its row is in rigs.csv")
+
+
+def _files_of_scene(layout: CollectionLayout) -> list[Path]:
+    """List the copies of files that the scene of a collection names, or that are there."""
+    paths = {path for path in layout.files.rglob("*") if not path.is_dir() or path.is_symlink()}
+    with contextlib.suppress(InputError):  # reported with collection.json
+        paths |= {layout.files / name for name in layout.read_files()}
+    return sorted(paths)
 
 
 def _shards(layout: Layout) -> list[int]:
@@ -146,7 +156,7 @@ def _table_faults(layout: Layout, tree: Path, table: Table, version: int) -> Ite
         yield Fault(path, INCOMPLETE, "is missing, so that the dataset is incomplete or damaged")
     elif table.fault is not None:
         yield table.fault
-    elif version > 1 and not checks_itself(path.read_bytes()):
+    elif version > 1 and not checks_itself(read_regular(path)):
         yield Fault(path, DAMAGED, "does not include its own sha256")
     for needed in (layout.identity, layout.manifest, layout.observations / "rig.json"):
         if needed.parent == tree and table.hashes is not None and needed.name not in table.hashes:
@@ -200,7 +210,7 @@ def _frame_faults(layout: Layout, number: int, counts: Counts) -> Iterator[Fault
     counts.frames += len(images)
     path = folder / "truth.parquet"
     try:
-        table = read_parquet(path, path.read_bytes(), lambda name: name == "frame_id")
+        table = read_parquet(path, read_regular(path), lambda name: name == "frame_id")
         frames = set(table["frame_id"])
     except (InputError, pl.exceptions.PolarsError):
         yield Fault(path, DAMAGED, "has no column frame_id")

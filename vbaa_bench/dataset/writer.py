@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Grey
-from solver.instrument.files import sync_folder, write_bytes
+from solver.instrument.files import move_into_place, sync_folder, write_bytes
 from solver.instrument.hashes import HASHES, digest, hashes_bytes
 from solver.instrument.images import png_bytes
 from vbaa_bench.dataset.aside import Aside, aside
@@ -118,7 +118,7 @@ def _replace_folder(source: Path, target: Path) -> None:
     for attempt in range(_ATTEMPTS):
         shutil.rmtree(target, ignore_errors=True)
         try:
-            source.replace(target)
+            move_into_place(source, target)
             break
         except OSError as error:  # another writer of this shard has put its folder there
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) or attempt == _ATTEMPTS - 1:

@@ -1,5 +1,6 @@
 """The card of an export: README.md, with what the data are, their columns and their licence."""
 
+import re
 from collections.abc import Iterable
 from typing import Final
 
@@ -8,6 +9,8 @@ from vbaa_bench.exports.columns import description
 from vbaa_bench.exports.format import Format
 from vbaa_bench.exports.source import Source
 
+# Characters of a text that Markdown or HTML would take for markup.
+_MARKED: Final = re.compile(r"[\\`*_\[\]<>#|&]")
 DATA_LICENCE: Final = "CC-BY-4.0"
 DATA_LICENCE_URL: Final = "https://creativecommons.org/licenses/by/4.0/"
 PAPER: Final = (
@@ -38,6 +41,8 @@ _PAGE: Final = """\
   `calibration/` (views of a board, view 0 in the calibration plane), `rest/` (the beam before
   contact), and `truth_manifest.json` (the true rig and camera, which a method must not use).
 {layout}
+- The digest of the dataset from which this was exported is `{digest}`;
+  `vbaa-bench verify DATASET --against` it compares a copy of that dataset.
 - Images are gray, with {bits} bits per pixel. The split of a frame is that of its push or rig.
 
 ## Columns
@@ -70,11 +75,12 @@ def card(source: Source, chosen: Format) -> str:
     schema = source.schema
     return _PAGE.format(
         front=chosen.front_matter(source),
-        title=source.title,
+        title=_MARKED.sub(r"\\\g<0>", source.title),
         summary=SUMMARY,
         counts=f"{source.frames} frames of {rigs}: {counts}.",
         loading=chosen.loading.replace("{split}", next(iter(source.splits))),
         layout=chosen.layout,
+        digest=source.digest,
         bits=" or ".join(map(str, depths)),
         readings=_table(["push_id", "step", *schema.readings]),
         labels=_table(schema.labels),
@@ -89,5 +95,6 @@ def _table(names: Iterable[str]) -> str:
     for name in names:
         column = description(name)
         cells = (f"`{name}`", unit(name), column.frame, column.meaning, column.null)
-        lines.append(f"| {' | '.join(cells)} |")
+        texts = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
+        lines.append(f"| {' | '.join(texts)} |")
     return "\n".join(lines)

@@ -36,6 +36,7 @@ DOCUMENT: Final = "croissant.json"
 _TASK: Final = "croissant_task.json"
 _RIG_FOLDER: Final = {"transform": {"regex": "(rig_[0-9]+)/"}}
 _PARQUET: Final = "application/x-parquet"
+_BYTES: Final = "application/octet-stream"
 
 
 def write_croissant(root: Path) -> Path:
@@ -107,7 +108,8 @@ def _with_split(node: Node) -> Node:
 
 
 def _file(path: PurePath, digest: str) -> Node:
-    media_type = mimetypes.guess_type(path.name)[0] or _PARQUET
+    is_parquet = path.suffix == ".parquet"
+    media_type = _PARQUET if is_parquet else mimetypes.guess_type(path.name)[0] or _BYTES
     return file_object(path.as_posix(), media_type, digest)
 
 

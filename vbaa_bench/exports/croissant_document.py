@@ -70,6 +70,8 @@ def document(source: Source, files: Sequence[Node], record_sets: Sequence[Node])
         "creator": {"@type": "sc:Organization", "name": "The VBAA-Bench authors"},
         "datePublished": datetime.fromtimestamp(completed, UTC).date().isoformat(),
         "version": version,
+        # The digest that `vbaa-bench verify DATASET --against` compares.
+        "identifier": f"sha256:{source.digest}",
         "keywords": ["robotics", "tactile sensing", "vision-based active antenna", "synthetic"],
         "citeAs": BIBTEX.format(version=version),
         **RAI,

@@ -6,12 +6,14 @@ OUT/
   croissant.json, croissant_task.json   metadata, see croissant.py
 """
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar, Final
 
 import polars as pl
 
+from solver.instrument.files import move_into_place
 from vbaa_bench.exports.columns import SHARD
 from vbaa_bench.exports.croissant import document_errors, write_exported
 from vbaa_bench.exports.format import Exported, Format
@@ -24,7 +26,7 @@ from vbaa_bench.exports.source import Source
 _FILE_BYTES: Final = 128_000_000
 _FRONT: Final = """\
 ---
-pretty_name: "{title}"
+pretty_name: {title}
 license: cc-by-4.0
 task_categories:
 - other
@@ -82,7 +84,7 @@ image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
             for number in range(count):
                 path = folder / "data" / f"{split}-{number:05d}.parquet"
                 if path.exists():
-                    path.rename(path.with_stem(f"{path.stem}-of-{count:05d}"))
+                    move_into_place(path, path.with_stem(f"{path.stem}-of-{count:05d}"))
         write_exported(folder, source)
 
     def read_back(self, folder: Path, source: Source) -> Iterator[Exported]:
@@ -102,8 +104,8 @@ image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
     def front_matter(self, source: Source) -> str:
         """State licence, size and the files of every split, in YAML."""
         files = "\n".join(
-            f"  - split: {split}\n    path: data/{split}-*.parquet" for split in source.splits
+            f'  - split: "{split}"\n    path: "data/{split}-*.parquet"' for split in source.splits
         )
-        title = source.title.replace("\\", " ").replace('"', "'")
+        title = json.dumps(source.title, ensure_ascii=False)  # which is YAML, too
         size = next((name for name, most in _SIZES.items() if source.frames < most), "10M<n<100M")
         return _FRONT.format(title=title, size=size, files=files)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import sync_folder
+from solver.instrument.files import move_into_place, sync_folder
 from vbaa_bench.dataset.lock import locked
 
 Record = dict[str, Any]
@@ -68,7 +68,7 @@ def export_folder(out: Path, identity: Record) -> Iterator[Output]:
         sync_folder(aside)
     if out.exists():
         out.rmdir()
-    aside.replace(out)
+    move_into_place(aside, out)
     sync_folder(out.parent)
 
 

@@ -14,10 +14,11 @@ from typing import Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError, printable, quoted
 from solver.instrument.hashes import HASHES, digest, read_bytes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.overall_digest import dataset_digest
 from vbaa_bench.dataset.readers import check_complete
 from vbaa_bench.exports.columns import CENTRELINE, Schema, merged_schema
 from vbaa_bench.exports.rig import INDEX, Rig
@@ -58,8 +59,8 @@ class Source:
 
     @property
     def title(self) -> str:
-        """Title of the scene."""
-        return str(next(iter(self.rigs.values())).stated("title"))
+        """Title of the scene, on one line."""
+        return " ".join(printable(str(next(iter(self.rigs.values())).stated("title"))).split())
 
     def rows(self, frames: pl.DataFrame) -> pl.DataFrame:
         """Read all columns of some rows of the index, in their order. Raises InputError."""
@@ -86,6 +87,11 @@ class Source:
     def key(self, rig: str, frame_id: str) -> str:
         """Return the name of a frame that is unique in all rigs."""
         return f"{rig}_{frame_id}" if self.collection else frame_id
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the dataset or collection. Raises InputError."""
+        return dataset_digest(self.root)
 
     def identity(self) -> list[str]:
         """Compute digests that change with any file of any rig. Raises InputError."""

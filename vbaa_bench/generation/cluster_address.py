@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from solver.instrument.errors import InputError
+from solver.instrument.safe_path import safe_path
 
 # Classes of dask-jobqueue by the value of the key `cluster`.
 CLUSTERS: Final = {
@@ -71,11 +72,12 @@ class ClusterAddress:
         kind, jobs = description.pop("cluster"), description.pop("jobs")
         # Each kind has a module of its own.
         started = getattr(importlib.import_module(f"dask_jobqueue.{kind}"), CLUSTERS[kind])
-        try:
-            cluster = started(**description)
-        except (TypeError, ValueError, OSError) as error:
-            raise InputError(f"{self.text}: no cluster can be started ({error})") from error
-        with cluster:
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(safe_path())  # whenever a job is started again, too
+            try:
+                cluster = stack.enter_context(started(**description))
+            except (TypeError, ValueError, OSError) as error:
+                raise InputError(f"{self.text}: no cluster can be started ({error})") from error
             cluster.scale(jobs=jobs)
             yield cluster
 

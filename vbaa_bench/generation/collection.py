@@ -3,20 +3,24 @@
 import gc
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from solver.instrument.errors import DamageError, InputError
 from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.identity import OtherDatasetError
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.scene_files import copy_files, file_digests
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.generate import Machine, generate
+from vbaa_bench.generation.impossible import check_files
 from vbaa_bench.generation.job import Job
 from vbaa_bench.generation.plan import accepted_rig
+from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.schema import Scene
@@ -46,16 +50,22 @@ def generate_collection(
     """Generate the rigs of a collection at `root`, or finish them; return one result per rig.
 
     `numbers` are those of the rigs to make, by default all. A rig that is impossible is recorded
-    with the reason. Workers of a `cluster` take the place of processes of this machine. Raises
-    InputError for a folder that holds another collection or other files, or cannot be written.
+    with the reason. Workers of a `cluster` take the place of processes of this machine. The files
+    that the scene names are copied into the folder, and rigs are made from the copies. Raises
+    InputError for a folder that holds another collection or other files, or cannot be written, and
+    for a file that the scene names and that cannot be used.
     """
-    layout = CollectionLayout(root)
+    check_files(file)
+    layout, files = CollectionLayout(root), file_digests(file)
+    layout.check_scene(file.template, files)
     numbers = range(file.rigs or 1) if numbers is None else numbers
     try:
         root.mkdir(parents=True, exist_ok=True)
         with locked(root / ".lock"):
-            if layout.check_scene(file.template) != "part":
-                layout.write_scene(file.template)
+            # Check again: another process may have started here before we held the lock.
+            if layout.check_scene(file.template, files) != "part":
+                layout.write_scene(file.template, files)
+            file = copy_files(file, files, layout.files.resolve())
             machine = Machine(variant, workers, None, cluster)
             results = _generate(layout, file, numbers, machine, progress, remark)
             _write_table(layout, results)
@@ -79,8 +89,6 @@ def _generate(
     total = per_rig * len(numbers)
     results, deaths = list[RigResult](), dict[int, Deaths]()
     jobs = deque(Job("rig", (number, layout.rig(number).root.resolve(), {})) for number in numbers)
-    if machine.cluster is not None:  # whose workers have another working directory
-        file = replace(file, path=file.path.resolve())
     arguments = file, machine.variant, machine.threads_each
     with machine.pool(RigGenerator, arguments, remark) as pool:
         for ended in pool.outcomes(jobs, lambda done: progress(min(done, total), total)):
@@ -128,8 +136,10 @@ class RigGenerator:
             scene = rig.scene
             generate(rig, root, self.variant, 0, progress, threads=self.threads, given_up=given_up)
             failed = read_json(Layout(root).manifest)["failed_frames"]
+        except (SceneFileError, OtherDatasetError):  # not of the rig, but of what is on the disk
+            raise
         except InputError as error:
-            reason = str(error)
+            reason = str(error).replace(f"{self.file.folder}/", "")
         finally:
             gc.collect()  # a world and its renderer refer to each other
         return RigResult(number, rig_row(self.file, number, scene, reason, failed), reason)

@@ -1,13 +1,12 @@
 """One process's part in the generation of a dataset: its methods are the jobs of a pool."""
 
-import contextlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final, NamedTuple
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes
+from solver.instrument.files import sha256, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
 from vbaa_bench.dataset.aside import aside
@@ -16,12 +15,13 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.writer import ShardWriter, shard_writer
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, RenderedFrame
 from vbaa_bench.generation.pushes import Pushes
+from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import FrameName, FrameSpec
 from vbaa_bench.scene.load import SceneFile, recorded_scene
 from vbaa_bench.scene.rigs import true_rig
 
-# Errors of the machine, and not of the frame that was rendered.
-_MACHINE: Final = OSError, MemoryError
+# Errors of the machine or of a file of the scene, and not of the frame that was rendered.
+_MACHINE: Final = OSError, MemoryError, SceneFileError
 # Longest recorded reason of a failure [characters]. Chosen: a few sentences.
 _REASON: Final = 500
 
@@ -43,7 +43,7 @@ class DatasetWorker:
     threads: int
 
     def __post_init__(self) -> None:
-        scene, rig, folder = self.file.scene, true_rig(self.file.scene), self.file.path.parent
+        scene, rig, folder = self.file.scene, true_rig(self.file.scene), self.file.folder
         self.renderer = FrameRenderer(scene, rig, folder, self.variant, self.threads)
         self._pushes = Pushes(self.file, rig, self.renderer.pushes)
 
@@ -55,8 +55,12 @@ class DatasetWorker:
         specs = []
         for index in METERED:
             if index < self._pushes.count:
-                with contextlib.suppress(InputError):
+                try:
                     specs.append(self._pushes.frame(index))
+                except SceneFileError:
+                    raise
+                except InputError:
+                    continue
         specs = [spec for spec in specs if spec.frame_id not in given_up]
         with aside(self.layout, "meter") as own:
             try:
@@ -148,13 +152,16 @@ class DatasetWorker:
         return f"{name}{text}"[:_REASON]
 
 
-def dataset_worker(root: Path, folder: Path, variant: str, threads: int) -> DatasetWorker:
+def dataset_worker(root: Path, identity: str, variant: str, threads: int) -> DatasetWorker:
     """Build the worker of a dataset from its identity.json, so that jobs need not carry the scene.
 
-    `folder` contains the files that the scene names. Raises InputError.
+    `identity` is the sha256 of that file: a worker of a cluster outlives a dataset, and must not
+    render it into another one in the same folder. The files that the scene names are those of which
+    the dataset has copies. Raises InputError.
     """
     layout = Layout(root)
     values = read_json(layout.identity)["scene"]
-    return DatasetWorker(
-        recorded_scene({"title": root.name, **values}, folder), layout, variant, threads
-    )
+    if sha256(layout.identity) != identity:
+        raise InputError(f"{layout.identity}: has changed while the command ran; repeat it")
+    file = recorded_scene({"title": root.name, **values}, layout.files)
+    return DatasetWorker(file, layout, variant, threads)

@@ -1,22 +1,23 @@
 """Generation of a dataset: scene -> mechanics -> geometry -> render -> sensor -> dataset."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes
+from solver.instrument.files import holds, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.rig_json import rig_to_json
 from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
+from vbaa_bench.dataset.scene_files import check_copies, copy_files
 from vbaa_bench.generation.cluster import ClusterPool
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.dataset_facts import dataset_facts
@@ -97,7 +98,8 @@ def generate(
     Every existing file is compared with its hash. Only missing or damaged files are generated, and
     files that do not belong to observations/ and truth/ are removed. Pushes are solved where they
     are rendered. A frame that fails, because its push is impossible or it cannot be rendered, is
-    recorded with the reason and does not stop the others; the manifest counts them. `given_up` has
+    recorded with the reason and does not stop the others; the manifest counts them. The files that
+    the scene names are copied to truth/files, from which everything is rendered. `given_up` has
     the reasons of frames that are not rendered because their processes died.
 
     `planning(done, total)` is called as pushes are checked, `progress(done, total)` as images are
@@ -125,10 +127,10 @@ def generate(
                 if part is None or number % part.total == part.number - 1
             }
             if state == "smaller":
-                open_for_growth(layout, _contents(file.scene, shards))
+                open_for_growth(layout, _contents(file.scene, shards, identity[FILES]))
             write_identity(layout, identity)
             deaths = Deaths(dict(given_up or {}))
-            _complete(file, shards, layout, machine, progress, remark, deaths)
+            _complete(file, identity[FILES], shards, layout, machine, progress, remark, deaths)
     except OSError as error:
         raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
     return layout
@@ -150,6 +152,7 @@ def _locked_folder(layout: Layout) -> Iterator[None]:
 
 def _complete(
     file: SceneFile,
+    digests: Mapping[str, str],
     shards: Shards,
     layout: Layout,
     machine: Machine,
@@ -157,14 +160,19 @@ def _complete(
     remark: Callable[[str], None],
     deaths: Deaths,
 ) -> None:
-    """Generate missing or damaged files in a locked folder, and seal the dataset."""
+    """Generate missing or damaged files in a locked folder, and seal the dataset.
+
+    `digests` are the sha256 of the files that the scene names. Only copies of them are rendered.
+    """
     scene, rig = file.scene, true_rig(file.scene)
-    contents = _contents(scene, shards)
+    contents = _contents(scene, shards, digests)
     _remove_surplus(layout, contents, remark)
     inventory = take_inventory(layout, contents)
     for sentence in inventory.damage:
         remark(f"{sentence}; regenerating it")
     hashes = inventory.whole
+    copy_files(file, digests, layout.files)
+    hashes["truth"] |= {f"{FILES}/{name}": value for name, value in digests.items()}
     hashes["truth"][layout.identity.name] = digest(layout.identity.read_bytes())
     for folder in {path.parent for path in map(PurePath, contents.images)}:
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
@@ -174,18 +182,19 @@ def _complete(
         table = SampleTable(np.array(facts["sample_table"]))
         metering = Metering(float(facts["exposure_per_radiance"]), table)
     else:
-        folder = file.path.parent.resolve()
-        built = layout.root.resolve(), folder, machine.variant, machine.threads_each
+        identity = hashes["truth"][layout.identity.name]
+        built = layout.root.resolve(), identity, machine.variant, machine.threads_each
         with machine.pool(dataset_worker, built, remark) as pool:
             missing = MissingFiles(layout, contents, shards, inventory, deaths)
             metering = missing.generate(pool, progress)
     failed = sum(inventory.failed.values())
     facts = dataset_facts(scene, rig, metering, machine.variant)
     facts |= {"frames": sum(map(len, shards.values())) - failed, "failed_frames": failed}
+    check_copies(digests, layout.files)
     seal(layout, facts, hashes)
 
 
-def _contents(scene: Scene, shards: Shards) -> Contents:
+def _contents(scene: Scene, shards: Shards, files: Collection[str]) -> Contents:
     return Contents(
         images=(
             *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
@@ -193,6 +202,7 @@ def _contents(scene: Scene, shards: Shards) -> Contents:
         ),
         shards={n: tuple(spec.frame_id for spec in shard) for n, shard in shards.items()},
         layers=bool(scene.layers),
+        files=tuple(files),
     )
 
 
@@ -207,7 +217,7 @@ def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], 
 def _rig(layout: Layout, text: str) -> str:
     """Write rig.json unless it exists with the right content; return its sha256."""
     path, data = layout.observations / "rig.json", text.encode()
-    if not (path.is_file() and path.read_bytes() == data):
+    if not holds(path, data):
         write_bytes(path, data)
     return digest(data)
 

@@ -1,4 +1,4 @@
-"""Physical impossibilities of a scene: stress, view, lamps, ground, and unreadable images."""
+"""Impossibilities of a scene: stress, view, lamps, ground, and files that cannot be read."""
 
 import itertools
 from collections.abc import Collection
@@ -7,18 +7,19 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
-from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.dataset.scene_files import read_file
 from vbaa_bench.geometry.ground import MAX_SQUARES, RESOLVED_PX, finest_square
 from vbaa_bench.geometry.lamps import between
+from vbaa_bench.geometry.mesh_file import check_mesh
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.lights import Lamp
-from vbaa_bench.scene.files import file_of_scene
+from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.mistakes import Key
 from vbaa_bench.scene.push import Push
@@ -30,30 +31,18 @@ MIN_WIDTH_PX = 0.25
 _DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=float)
 
 
-def environment_is_readable(file: SceneFile) -> None:
-    """Raise InputError if a light's file is no environment map."""
-    for number, light in enumerate(file.scene.lights):
-        if light.kind == "environment" and light.file is not None:
-            try:
-                read_environment(file_of_scene(file.path.parent, light.file))
-            except InputError as error:
-                message = file.message_at(("lights", number, "file"), str(error))
-                raise InputError(message) from error
-
-
-def images_are_readable(file: SceneFile) -> None:
-    """Raise InputError if an image of a surface cannot be used."""
-    texture, ground = getattr(file.scene.object, "texture", None), file.scene.background
-    names: dict[tuple[Key, ...], str | None] = {
-        ("object", "texture", "file"): getattr(texture, "file", None),
-        ("background", "image_file"): ground.image_file,
-    }
-    for key, name in names.items():
-        if name is not None:
-            try:
-                read_surface_image(file.path.parent, name)
-            except InputError as error:
-                raise InputError(file.message_at(key, str(error))) from error
+def check_files(file: SceneFile) -> None:
+    """Read every file that a scene names or may draw. Raises SceneFileError, with its key."""
+    for key, name, kind in file.named_files:
+        try:
+            if kind == "mesh":
+                check_mesh(read_file(file.folder, name, kind))
+            elif kind == "image":
+                read_surface_image(file.folder, name)
+            else:
+                read_environment(file.folder, name)
+        except SceneFileError as error:
+            raise SceneFileError(file.message_at(key, str(error))) from error
 
 
 class Extremes:
@@ -150,7 +139,7 @@ class Extremes:
         if rig.camera.telecentric:
             depth = apply(pose, ends)[:, 2:]
             starts = ends - depth * pose[2, :3]
-        lamps = lights(file.scene, file.path.parent) if file.scene.lights else []
+        lamps = lights(file.scene, file.folder) if file.scene.lights else []
         return [
             file.message_at(
                 ("lights", number),

@@ -9,10 +9,10 @@ from solver.instrument.errors import InputError
 from vbaa_bench.generation.impossible import (
     Extremes,
     board_out_of_view,
-    environment_is_readable,
-    images_are_readable,
+    check_files,
 )
 from vbaa_bench.generation.pushes import Pushes, PushSolver, impossible_targets, solve
+from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec, in_order
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.random_scene import RejectedDrawError, accepted
@@ -46,10 +46,11 @@ def plan(file: SceneFile, *, pushes: Collection[int] | None = None) -> Plan:
     """Solve every push of a scene. Raises InputError that lists all physical impossibilities.
 
     With `pushes`, only those with these numbers are solved and planned. A push with random values
-    that is impossible is drawn again.
+    that is impossible is drawn again, but a file that cannot be used is an error.
     """
+    check_files(file)
     rig, frames = _true_rig(file), Frames(file.scene)
-    solver = PushSolver(file.scene, rig, file.path.parent)
+    solver = PushSolver(file.scene, rig, file.folder)
     numbers = range(frames.pushes) if pushes is None else sorted(set(pushes))
     if file.scene.random_keys:
         drawn = Pushes(file, rig, solver)
@@ -71,8 +72,9 @@ def check_scene(file: SceneFile, progress: Progress, remark: Callable[[str], Non
     Up to CHECKED_PUSHES pushes are solved, evenly spread over all. Further pushes are solved when
     they are rendered. Raises InputError that lists what is impossible: the rig, a push of a grid,
     whose values the scene states, or more than half of random pushes. `remark` gets a sentence if
-    fewer are.
+    fewer are. A file that cannot be used is an error, whether it is drawn or not.
     """
+    check_files(file)
     frames = Frames(file.scene)
     count = min(frames.distinct_pushes, CHECKED_PUSHES)
     numbers = [i * frames.distinct_pushes // count for i in range(count)]
@@ -82,10 +84,12 @@ def check_scene(file: SceneFile, progress: Progress, remark: Callable[[str], Non
     if mistakes := rig_mistakes(file):
         raise InputError("\n".join(dict.fromkeys(mistakes)))
     rig, reasons = _true_rig(file), Counter[str]()
-    pushes = Pushes(file, rig, PushSolver(file.scene, rig, file.path.parent))
+    pushes = Pushes(file, rig, PushSolver(file.scene, rig, file.folder))
     for done, number in enumerate(numbers, start=1):
         try:
             pushes.frames(number)
+        except SceneFileError:
+            raise
         except InputError as error:
             reasons[str(error)] += 1
         progress(done, count)
@@ -99,21 +103,17 @@ def check_scene(file: SceneFile, progress: Progress, remark: Callable[[str], Non
 
 
 def rig_mistakes(file: SceneFile) -> list[str]:
-    """List what is impossible before any push: a beam or a board out of view, or hidden by lamps.
-
-    Raises InputError if a file that the scene names cannot be used.
-    """
+    """List what is impossible before any push: a beam or board out of view or hidden by lamps."""
     rig = _true_rig(file)
-    environment_is_readable(file)
-    images_are_readable(file)
     return board_out_of_view(file, rig) + Extremes(file, rig).mistakes()
 
 
 def accepted_rig(file: SceneFile, number: int = 0) -> SceneFile:
     """Draw a rig of a scene that is possible before any push; a scene without random keys is one.
 
-    Raises InputError if no rig is possible.
+    Raises InputError if no rig is possible, or a file that may be drawn cannot be used.
     """
+    check_files(file)
     if not file.is_random:
         return file
 

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -14,6 +14,7 @@ from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.impossible import Extremes, too_far_or_near, too_fine
 from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.mistakes import Key
@@ -101,7 +102,7 @@ class Pushes:
         specs = self._frames.of_push(number, attempt)
         # Steps of a push differ at most in their looks.
         for spec in {id(spec.scene): spec for spec in specs}.values():
-            drawn = replace(self.file, scene=spec.scene)
+            drawn = self.file.with_scene(spec.scene)
             extremes = Extremes(drawn, self.rig)
             mistakes = impossible_targets(drawn, self.rig)
             if not mistakes and spec is specs[0]:
@@ -138,6 +139,8 @@ def solve(
             extremes.add(*solver.solved(spec), onsets[push])
         except EquilibriumError as error:
             mistakes.append(file.message_at(_key(file, push), f"{_description(push)}: {error}"))
+        except SceneFileError:
+            raise
         except InputError as error:
             mistakes.append(file.message_at(("object",), f"is not possible: {error}"))
     return mistakes

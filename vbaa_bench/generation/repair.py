@@ -10,7 +10,6 @@ from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.faults import SURPLUS, Fault, table_of
-from vbaa_bench.dataset.identity import dataset_identity
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.recorded import write_results
@@ -36,9 +35,10 @@ def repair(
 ) -> None:
     """Render damaged files of a dataset or collection again, and remove files that do not belong.
 
-    The scene is that of the dataset's own records, unless `scene` is stated. Of the results,
-    damaged and surplus files are removed: they must be computed again. Raises InputError if the
-    dataset cannot be generated, for example because it is of another version of the code.
+    The scene is that of the dataset's own records, with its copies of the files that the scene
+    names, unless `scene` is stated. Of the results, damaged and surplus files are removed: they
+    must be computed again. Raises InputError if the dataset cannot be generated, for example
+    because it is of another version of the code.
     """
     roots = [root]
     if is_collection(root):
@@ -47,7 +47,7 @@ def repair(
         rigs = [layout.rig(number) for number in sorted({*layout.folders(), *numbers})]
         roots += [rig.root for rig in rigs]
         if numbers:
-            file = scene or _scene_of_collection(layout, rigs)
+            file = scene or check_scene(layout.read_scene()).with_files_in(layout.files)
             variant = choose(_variant(rigs))
             results = generate_collection(file, root, variant, workers, progress, numbers)
             for sentence in failed(results):
@@ -94,15 +94,6 @@ def _damaged_rigs(layout: CollectionLayout, faults: Collection[Fault]) -> list[i
     return sorted(numbers)
 
 
-def _scene_of_collection(layout: CollectionLayout, rigs: Collection[Layout]) -> SceneFile:
-    """Return the scene of a collection from collection.json. Raises InputError."""
-    for rig in rigs:
-        if rig.identity.is_file():
-            _scene_of_dataset(rig)  # raises InputError if it names files
-            break
-    return check_scene(layout.read_scene())
-
-
 def _scene_of_dataset(layout: Layout) -> SceneFile:
     """Return the scene that identity.json or else manifest.json records. Raises InputError."""
     title, values = layout.root.name, None
@@ -123,13 +114,7 @@ def _scene_of_dataset(layout: Layout) -> SceneFile:
             )
     if values is None:
         raise InputError(f"{layout.root}: both records of its scene are damaged; state --scene")
-    file = recorded_scene({**values, "title": title}, layout.root)
-    names = dataset_identity(file, "")["files"]
-    if names:
-        raise InputError(
-            f"{layout.root}: its scene names files ({next(iter(names))}); state --scene"
-        )
-    return file
+    return recorded_scene({**values, "title": title}, layout.files)
 
 
 def _variant(layouts: Collection[Layout]) -> str | None:

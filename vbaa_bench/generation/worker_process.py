@@ -20,14 +20,14 @@ class _InterruptedError(BaseException):
     """The parent has been interrupted, so a worker's result is no longer needed."""
 
 
-def serve(connection: Connection, stop: Any) -> None:
+def serve(connection: Connection) -> None:
     """Run jobs in a worker until the parent has no more. An error in building ends the first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
     def piece_done() -> None:
         connection.send((False, None))
-        if stop.is_set():
+        if connection.poll():  # the parent waits for the result, unless it ends this process
             raise _InterruptedError
 
     resident = _build(connection.recv_bytes())

@@ -17,6 +17,8 @@ from multiprocessing.context import SpawnProcess
 from types import TracebackType
 from typing import Any, Final, Self
 
+from solver.instrument.safe_path import safe_path
+from vbaa_bench.generation.cpu_quota import quota_cores
 from vbaa_bench.generation.job import Ended, Job, WorkerDiedError
 from vbaa_bench.generation.worker_process import serve
 
@@ -28,12 +30,14 @@ GRACE_S: Final = 5.0
 
 
 def cores() -> int:
-    """Count the processor cores that this process may use."""
+    """Count the processor cores that this process may use, by its affinity and its quota."""
     if hasattr(os, "process_cpu_count"):  # from Python 3.13
-        return os.process_cpu_count() or 1
-    if hasattr(os, "sched_getaffinity"):  # not on Windows and macOS
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        count = os.process_cpu_count() or 1
+    elif hasattr(os, "sched_getaffinity"):  # not on Windows and macOS
+        count = len(os.sched_getaffinity(0))
+    else:
+        count = os.cpu_count() or 1
+    return min(count, quota_cores() or count)
 
 
 @dataclass(eq=False)
@@ -62,7 +66,6 @@ class Pool:
 
     def __init__(self, count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
         self._count, self._context = count, multiprocessing.get_context("spawn")
-        self._stop = self._context.Event()
         # Pickled here, so that a failed import in a worker can be reported.
         self._built = pickle.dumps((build, arguments))
         self._workers: list[_Worker] = []
@@ -78,13 +81,13 @@ class Pool:
         trace: TracebackType | None,
     ) -> None:
         # After an error or an interrupt a running job ends after its piece, or is killed.
-        if kind is not None:
-            self._stop.set()
         end = time.monotonic() + GRACE_S
+        for worker in self._workers:
+            with contextlib.suppress(OSError):
+                worker.connection.send(None)
         for worker in self._workers:
             # Unread messages would block a worker that is about to end.
             with contextlib.suppress(OSError, EOFError):
-                worker.connection.send(None)
                 while worker.connection.poll(None if kind is None else _seconds_until(end)):
                     worker.connection.recv()
                 worker.process.kill()  # it is still in its piece
@@ -144,8 +147,8 @@ class Pool:
 
     def _started(self) -> _Worker:
         here, there = self._context.Pipe()
-        process = self._context.Process(target=serve, args=(there, self._stop))
-        with _interrupt_blocked(), _main_module_hidden():
+        process = self._context.Process(target=serve, args=(there,))
+        with _interrupt_blocked(), _main_module_hidden(), safe_path():
             process.start()
         there.close()  # so that the end of the process is the end of the connection
         worker = _Worker(process, here)

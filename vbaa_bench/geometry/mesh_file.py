@@ -1,7 +1,6 @@
 """Read a mesh of any shape from a user's file, check it, and place it against the beam."""
 
 import io
-from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -10,47 +9,60 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.solids import together
+from vbaa_bench.scene.files import FileContent, SceneFileError, unusable_file
 
 KINDS = (".stl", ".obj", ".ply")
+# A file of this many faces has at most the bytes that scene/files.py allows.
 MAX_FACES = 200_000
-# Largest size of a file with MAX_FACES faces, in the most verbose of these formats.
-MAX_BYTES = 500 * MAX_FACES
 # Allowed extents [m] of an object.
 MIN_EXTENT, MAX_EXTENT = 1e-9, 10.0
 
 
-def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
+def check_mesh(content: FileContent) -> None:
+    """Check that an STL, OBJ or PLY file holds a closed mesh. Raises SceneFileError."""
+    with unusable_file():
+        read_mesh(content, None)
+
+
+def read_mesh(content: FileContent, unit_m: float | None) -> trimesh.Trimesh:
     """Read the closed mesh [m] in an STL, OBJ or PLY file whose unit is `unit_m`, wound outward.
 
-    Vertices that agree to 1e-8 of the mesh's size are merged. Raises InputError, which names the
-    file, for anything but a single closed solid of a plausible size.
+    Without a unit the mesh is made 1 m large. Vertices that agree to 1e-8 of the mesh's size are
+    merged. Raises SceneFileError, which names the file, for anything but a single closed solid;
+    InputError if its size in this unit is implausible.
     """
-    vertices, faces = _parsed(path)
+    path = content.path
+    vertices, faces = _parsed(content)
     if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
-        raise InputError(f"{path}: has a vertex without three coordinates, or a face without three")
+        raise SceneFileError(
+            f"{path}: has a vertex without three coordinates, or a face without three"
+        )
     if len(faces) == 0:
-        raise InputError(f"{path}: has no faces, allowed is a closed mesh")
+        raise SceneFileError(f"{path}: has no faces, allowed is a closed mesh")
     if len(faces) > MAX_FACES:
-        raise InputError(f"{path}: has {len(faces)} faces, allowed are {MAX_FACES}")
+        raise SceneFileError(f"{path}: has {len(faces)} faces, allowed are {MAX_FACES}")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise InputError(f"{path}: has faces with undefined vertices")
+        raise SceneFileError(f"{path}: has faces with undefined vertices")
     if not np.isfinite(vertices).all():
-        raise InputError(f"{path}: has a vertex that is not finite, allowed are numbers")
+        raise SceneFileError(f"{path}: has a vertex that is not finite, allowed are numbers")
+    if unit_m is None:
+        extent = float(np.ptp(vertices[faces], axis=(0, 1)).max())
+        unit_m = 1 / extent if extent > 0 else 1.0
     mesh = trimesh.Trimesh(vertices * unit_m, faces, process=False)
     extent = float(max(mesh.extents))
     if not MIN_EXTENT <= extent <= MAX_EXTENT:
-        raise InputError(
+        raise InputError(  # not of the file alone: its unit may have been drawn
             f"{path}: is {extent:g} m large with its unit of {unit_m:g} m,"
             f" allowed are {MIN_EXTENT:g} to {MAX_EXTENT:g} m"
         )
     _merge(mesh, extent)
     if not mesh.is_watertight:
-        raise InputError(f"{path}: is not closed, allowed is a watertight mesh")
+        raise SceneFileError(f"{path}: is not closed, allowed is a watertight mesh")
     if not mesh.is_winding_consistent:
-        raise InputError(f"{path}: is wound inconsistently, allowed is one orientation")
+        raise SceneFileError(f"{path}: is wound inconsistently, allowed is one orientation")
     volume = _volume(mesh)
     if abs(volume) <= 1e-12 * extent**3:
-        raise InputError(f"{path}: encloses no volume, allowed is a solid")
+        raise SceneFileError(f"{path}: encloses no volume, allowed is a solid")
     if volume < 0:
         mesh.invert()
     return mesh
@@ -86,29 +98,19 @@ def touching(mesh: trimesh.Trimesh, beam_radius: float) -> trimesh.Trimesh:
     return moved
 
 
-def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
+def _parsed(content: FileContent) -> tuple[Floats, np.ndarray]:
     """Read the vertices (n, 3) in the file's unit and triangles (m, 3) of all parts of a file."""
-    kind = path.suffix.lower()
+    path, kind = content.path, content.path.suffix.lower()
     if kind not in KINDS:
-        raise InputError(f"{path}: has the suffix {kind!r}, allowed are {', '.join(KINDS)}")
-    try:
-        if path.exists() and not path.is_file():  # a pipe or a device may never end
-            raise ValueError("it is no file")
-        size = path.stat().st_size
-        content = path.read_bytes() if size <= MAX_BYTES else b""
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{path}: cannot be read ({reason})") from error
-    if size > MAX_BYTES:
-        raise InputError(f"{path}: has {size // 10**6} MB, allowed are {MAX_BYTES // 10**6} MB")
+        raise SceneFileError(f"{path}: has the suffix {kind!r}, allowed are {', '.join(KINDS)}")
     try:
         # Loaded from memory and without materials, so that no other file named in it is opened.
         with np.errstate(all="ignore"):
             scene = trimesh.load_scene(
-                io.BytesIO(content), file_type=kind[1:], process=False, skip_materials=True
+                io.BytesIO(content.data), file_type=kind[1:], process=False, skip_materials=True
             )
     except Exception as error:
-        raise InputError(f"{path}: is not a {kind} mesh that can be read") from error
+        raise SceneFileError(f"{path}: is not a {kind} mesh that can be read") from error
     parts = [part for part in scene.geometry.values() if isinstance(part, trimesh.Trimesh)]
     mesh = together(parts) if parts else trimesh.Trimesh()
     return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)

@@ -90,7 +90,7 @@ class _Worker:
         """Return a row for each deflection at one contact distance."""
         file = column.file
         if column.number not in self._limits:
-            limits = LimitsOfPushes(file.scene, rig_of_map(file.scene), file.path.parent)
+            limits = LimitsOfPushes(file.scene, rig_of_map(file.scene), file.folder)
             self._limits = {column.number: limits}
         limits = self._limits[column.number]
         length_mm = limits.rig.beam.length / MILLIMETRE

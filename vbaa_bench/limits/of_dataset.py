@@ -76,16 +76,14 @@ def _visible(hidden: Hidden, pose: Pose) -> Floats:
     return visible_in_image(pose, hidden[pose.spec.frame_id])
 
 
-def limits_of_dataset(
-    root: Path, folder: Path, variant: str, workers: int, progress: Progress
-) -> pl.DataFrame:
+def limits_of_dataset(root: Path, variant: str, workers: int, progress: Progress) -> pl.DataFrame:
     """Compute the limits of a dataset's frames, and write them. Returns the table.
 
-    `folder` contains the files that the scene names. Raises InputError.
+    Raises InputError.
     """
     layout = Layout(root)
     truth = open_truth(layout.truth, centrelines=False)
-    file = recorded_scene(truth.manifest["scene"], folder)
+    file = recorded_scene(truth.manifest["scene"], layout.files)
     rows = truth.frames.select("frame_id", pl.col("hidden_stretches_mm").fill_null([]))
     hidden: Hidden = dict(rows.iter_rows())
     frames = Frames(file.scene)
@@ -104,7 +102,7 @@ def limits_of_dataset(
             "dataset that this version has generated"
         )
     pushes = [tuple(group) for _, group in itertools.groupby(specs, lambda one: one.push_number)]
-    arguments, parts = (file.scene, planned.rig, folder, variant), list(_parts(pushes, hidden))
+    arguments, parts = (file.scene, planned.rig, file.folder, variant), list(_parts(pushes, hidden))
     with Pool(max(1, min(workers, len(parts))), _Worker, arguments) as pool:
         learned = None
         if to_learn := [push for push in pushes if _split(file.scene, push) == LEARN]:

@@ -10,6 +10,7 @@ from solver.instrument.units import DEGREE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.impossible import Extremes, too_far_or_near
 from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.push_spec import PushSpec
@@ -87,7 +88,7 @@ def scene_of_map(file: SceneFile, information: str) -> SceneFile:
         "random_keys": (),
         "tolerances": tolerances,
     }
-    return replace(file, scene=first.scene.model_copy(update=replaced))
+    return file.with_scene(first.scene.model_copy(update=replaced))
 
 
 def rig_of_map(scene: Scene) -> TrueRig:
@@ -104,7 +105,7 @@ def places(
     pushes = file.scene.pushes
     assert pushes is not None
     scene = file.scene.model_copy(update={"pushes": pushes.model_copy(update=changed)})
-    file, specs = replace(file, scene=scene), Frames(scene).of_push(0)
+    file, specs = file.with_scene(scene), Frames(scene).of_push(0)
     if mistakes := too_far_or_near(file, rig):
         return [Place(spec, None, mistakes[0]) for spec in specs]
     states, reasons = _solved(scene, rig, specs, file)
@@ -126,7 +127,9 @@ def _solved(
     for count in range(len(specs), 0, -1):
         shorter = replace(push, targets=push.targets[:count])
         try:
-            return Experiment(scene, rig, shorter, file.path.parent).states(), reasons
+            return Experiment(scene, rig, shorter, file.folder).states(), reasons
+        except SceneFileError:
+            raise
         except (EquilibriumError, InputError) as error:
             reasons[count - 1] = str(error)
     return [], reasons
@@ -136,6 +139,6 @@ def _impossible(file: SceneFile, rig: TrueRig, spec: FrameSpec, state: State) ->
     """Return why a state is impossible, "" if it is not."""
     alone = replace(spec.push, targets=(spec.target,))
     extremes = Extremes(file, rig)
-    experiment = Experiment(file.scene, rig, alone, file.path.parent)
+    experiment = Experiment(file.scene, rig, alone, file.folder)
     extremes.add(experiment, [state], {spec.onset})
     return "; ".join(extremes.mistakes())

@@ -1,9 +1,10 @@
 """Comparison of scored runs with their baselines: which results changed, and are they worse?"""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -14,10 +15,11 @@ from vbaa_bench.regression.cells import Cell, PairedScene, cells, changes
 from vbaa_bench.regression.compared import TIME, ComparedQuantity
 from vbaa_bench.regression.pairing import pair
 from vbaa_bench.regression.scored_run import ScoredRun, read_run
+from vbaa_bench.regression.strata import ALL
 from vbaa_bench.regression.swaps import FALSE_ALARM, swap_test
 from vbaa_bench.regression.typical import of_set
 
-Verdict = Literal["worse", "same", "better"]
+Verdict = Literal["worse", "better", "not distinguishable", "same"]
 # Share of the false alarms for times, whose noise is of another kind. Chosen: a method 1.3 times as
 # slow is far above the threshold, while nine pushes can just pass that of the other results.
 _SHARE_OF_TIMES: Final = 0.2
@@ -38,8 +40,12 @@ class Change:
 
     `old` and `new` are typical values in `unit`: geometric means of the pushes' root mean squares,
     or mean rates. `p` is the probability that any cell of an unchanged table changes as much.
-    `smallest` is the smallest change, in `unit`, that would have been reported; None if none would
-    have been.
+    `smallest` is the smallest change, in `unit`, that would have been reported: one that all pushes
+    have in common, added to their scatter; None if none would have been.
+
+    `verdict` is "worse" or "better" if the change is significant and not below the smallest change
+    that matters; "same" if such a change would have been reported, or if no push changed by as
+    much; otherwise "not distinguishable": the pushes are too few, or scatter too much.
     """
 
     scene: str
@@ -74,10 +80,26 @@ class Comparison:
         return [change for change in self.changes if change.verdict == "better"]
 
     @property
+    def not_distinguishable(self) -> list[Change]:
+        """The results that are not distinguishable."""
+        return [change for change in self.changes if change.verdict == "not distinguishable"]
+
+    @property
+    def unresolved(self) -> list[Change]:
+        """The results that are not distinguishable, those of all frames only."""
+        return [change for change in self.not_distinguishable if change.stratum == ALL]
+
+    @property
+    def reported(self) -> list[Change]:
+        """What a reader must see: what changed, and what could not be resolved."""
+        return [*self.worse, *self.better, *self.unresolved]
+
+    @property
     def sentence(self) -> str:
-        """The number of results that were compared, and of those that changed."""
-        worse, better = len(self.worse), len(self.better)
-        return f"{len(self.changes)} results compared: {worse} worse, {better} better"
+        """The number of results that were compared, and of each verdict."""
+        counts = Counter(change.verdict for change in self.changes)
+        listed = ", ".join(f"{counts[verdict]} {verdict}" for verdict in get_args(Verdict))
+        return f"{len(self.changes)} results compared: {listed}"
 
     def records(self) -> list[dict[str, Any]]:
         """Convert the changes to records of plain values, for JSON and tables."""
@@ -102,7 +124,7 @@ def pairs_of(run: Path, baseline: Path) -> list[RunAndBaseline]:
 def compare(pairs: Sequence[RunAndBaseline]) -> Comparison:
     """Compare scored runs with their baselines, as one table with one rate of false alarms.
 
-    A change is reported if it is significant, see `swaps`, and larger than the tolerance of its
+    A change is reported if it is significant, see `swaps`, and not below the tolerance of its
     quantity, see `compared`. Raises InputError if nothing can be compared.
     """
     scenes, notes = dict[str, PairedScene](), list[str]()
@@ -155,13 +177,14 @@ def _change(cell: Cell, p: float, smallest: float) -> Change:
     quantity = cell.quantity
     old, new = of_set(quantity, cell.old), of_set(quantity, cell.new)
     least = _least_change(quantity, old)
-    significant = p <= FALSE_ALARM and abs(new - old) >= least
-    increased = new > old
-    verdict: Verdict = "same"
-    if significant:
-        verdict = "worse" if increased == quantity.larger_is_worse else "better"
-    if quantity.kind == "magnitude":
-        smallest = old * float(np.expm1(min(smallest, 100.0))) if smallest < np.inf else np.inf
+    smallest = _in_unit(quantity, smallest, old)
+    verdict: Verdict
+    if p <= FALSE_ALARM and abs(new - old) >= least:
+        verdict = "worse" if (new > old) == quantity.larger_is_worse else "better"
+    elif min(smallest, _in_unit(quantity, np.abs(cell.new - cell.old).max(), old)) <= least:
+        verdict = "same"
+    else:
+        verdict = "not distinguishable"
     return Change(
         scene=cell.scene,
         method=cell.method,
@@ -176,6 +199,13 @@ def _change(cell: Cell, p: float, smallest: float) -> Change:
         smallest=max(smallest, least) if smallest < np.inf else None,
         verdict=verdict,
     )
+
+
+def _in_unit(quantity: ComparedQuantity, change: float, old: float) -> float:
+    """Convert a change on the scale of `typical.of_push` to one of `old`, in a quantity's unit."""
+    if quantity.kind == "rate":
+        return change
+    return old * float(np.expm1(min(change, 100.0))) if change < np.inf else np.inf
 
 
 def _least_change(quantity: ComparedQuantity, old: float) -> float:

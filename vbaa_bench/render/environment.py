@@ -11,7 +11,9 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError, truncated
-from vbaa_bench.dataset.exr_channels import channels
+from vbaa_bench.dataset.exr_channels import decode_channels
+from vbaa_bench.dataset.scene_files import read_file
+from vbaa_bench.scene.files import FileContent, unusable_file
 
 HEIGHT, WIDTH = 128, 256
 # Weights of the channels in the luminance (ITU-R BT.709).
@@ -57,23 +59,29 @@ def laboratory() -> Floats:
     return np.asarray(pixels.mean(axis=(1, 3)))
 
 
-def read_environment(path: Path) -> Floats:
+@unusable_file()
+def read_environment(folder: Path, name: str) -> Floats:
     """Read the radiances of an OpenEXR image: its only channel, or the luminance of R, G, B.
 
-    Raises InputError if it cannot be read, or is negative, not finite, or dark above the horizon.
+    `folder` contains the files of the scene that names it. Raises SceneFileError if it cannot be
+    read, or is negative, not finite, or dark above the horizon.
     """
-    image = read_luminance(path)
+    content = read_file(folder, name, "environment")
+    image = luminance(content)
     if not plane_irradiance(image) > 0:
-        raise InputError(f"{path}: is dark above the horizon, allowed is any brighter image")
+        raise InputError(
+            f"{content.path}: is dark above the horizon, allowed is any brighter image"
+        )
     return image
 
 
-def read_luminance(path: Path) -> Floats:
-    """Read an OpenEXR image (height, width): its only channel, or the luminance of R, G, B.
+def luminance(content: FileContent) -> Floats:
+    """Decode an OpenEXR image (height, width): its only channel, or the luminance of R, G, B.
 
-    Raises InputError if it cannot be read, or is negative or not finite.
+    Raises InputError if it cannot be decoded, or is negative or not finite.
     """
-    by_name = channels(path, MAX_VALUES)
+    path = content.path
+    by_name = decode_channels(content.data, path, MAX_VALUES)
     weights = LUMINANCE if LUMINANCE.keys() <= by_name.keys() else dict.fromkeys(by_name, 1.0)
     if weights is not LUMINANCE and len(by_name) != 1:
         names = truncated(", ".join(by_name))

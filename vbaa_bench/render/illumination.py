@@ -17,7 +17,6 @@ from vbaa_bench.render.environment import (
     rotated,
 )
 from vbaa_bench.render.lights import Ambient, Environment, Lamp, Light, Projector, Spot
-from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.lighting import (
     AreaSpec,
     BackSpec,
@@ -108,11 +107,7 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
             panel = lamps.rectangle(middle, -direction, horizontal, _sides(spec.size_mm))
             return _lamp(panel, looked_at, spec.irradiance)
         case EnvironmentSpec():
-            image = (
-                laboratory()
-                if spec.file is None
-                else read_environment(file_of_scene(folder, spec.file))
-            )
+            image = laboratory() if spec.file is None else read_environment(folder, spec.file)
             image = rotated(image, spec.rotation_deg * DEGREE)
             return Environment(image * spec.irradiance / plane_irradiance(image))
     position = _mm(spec.position_mm)

@@ -6,25 +6,28 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.images import read_grey
-from vbaa_bench.render.environment import read_luminance
-from vbaa_bench.scene.files import file_of_scene
+from solver.instrument.images import decode_grey
+from vbaa_bench.dataset.scene_files import read_file
+from vbaa_bench.render.environment import luminance
+from vbaa_bench.scene.files import unusable_file
 
 # Chosen: more than a camera of 8192 px resolves; in single precision 256 MB.
 MAX_SIDE = 8192
 
 
+@unusable_file()
 def read_surface_image(folder: Path, name: str) -> Floats:
     """Read the relative reflectances (height, width) of an image; their mean is 1.
 
     `name` is a PNG or JPEG, whose gray values are decoded by the curve of sRGB (IEC 61966-2-1), or
-    an OpenEXR image. It must be within `folder`, also if it is a link. Raises InputError.
+    an OpenEXR image. `folder` contains the files of the scene that names it. Raises SceneFileError.
     """
-    path = file_of_scene(folder, name)
+    content = read_file(folder, name, "image")
+    path = content.path
     if path.suffix.lower() == ".exr":
-        image = read_luminance(path)
+        image = luminance(content)
     else:
-        gray = read_grey(path)
+        gray = decode_grey(content.data, path)
         _check_size(path, gray.shape)
         levels = np.iinfo(gray.dtype).max
         # One value for each gray level, not for each pixel: the image may be large.

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from solver.instrument.errors import InputError
+from solver.instrument.safe_path import PYTHON
 from vbaa_bench.dataset.target import FAST, NATIVE, Target, reference_target
 
 CUDA: Final = "cuda_ad_mono"
@@ -41,6 +42,8 @@ print("probe", json.dumps({"mitsuba": mi.__version__, "finite": bool((image >= 0
 # Exit status after SIGKILL. It comes from a person or a lack of memory, never from a variant that
 # does not work: the probe is then repeated once.
 _KILLED: Final = -9
+# Exit status after SIGILL.
+_ILLEGAL: Final = -4
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,8 @@ def probe(variant: str) -> Probe:
     missing = [line for line in lines if "cannot open shared object file" in line]
     message = (missing or lines[-1:] or [""])[0].strip()
     results = [line for line in child.stdout.splitlines() if line.startswith("probe ")]
+    if child.returncode == _ILLEGAL:
+        message = "mitsuba or drjit needs instructions that this processor lacks"
     if child.returncode != 0 or not results:
         return Probe(variant, False, f"{message} (exit status {child.returncode})")
     result = json.loads(results[-1].removeprefix("probe "))
@@ -72,7 +77,7 @@ def probe(variant: str) -> Probe:
 
 
 def _rendered(variant: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", _PROBE, _mitsuba_name(variant)]
+    command = [*PYTHON, "-c", _PROBE, _mitsuba_name(variant)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 

@@ -3,28 +3,27 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 from vbaa_bench.regression.baseline import Version, read_baseline, versions
-from vbaa_bench.regression.comparison import Change, Comparison, RunAndBaseline, compare
+from vbaa_bench.regression.comparison import Change, Comparison, RunAndBaseline, Verdict, compare
 
 
 @dataclass(frozen=True)
 class Changes:
     """Comparison of a run with a baseline called `name`, and the baseline's versions, oldest first.
 
-    Results that became worse come first, then better ones, then those that are the same.
+    Results that became worse come first, then better ones, then those that are not distinguishable,
+    then those that are the same. `reported` are the first of them that a reader must see: without
+    strata that are not distinguishable.
     """
 
     name: str
     sentence: str
     notes: Sequence[str]
+    reported: Sequence[Change]
     results: Sequence[Change]
     history: Sequence[Version]
-
-    @property
-    def changed(self) -> list[Change]:
-        """The results that became worse or better."""
-        return [one for one in self.results if one.verdict != "same"]
 
 
 def changes_since(baseline: Path, run: Path) -> Changes:
@@ -38,11 +37,12 @@ def changes_since(baseline: Path, run: Path) -> Changes:
 
 def changes_of(name: str, comparison: Comparison, history: Sequence[Version]) -> Changes:
     """Order a comparison for a page."""
-    same = [change for change in comparison.changes if change.verdict == "same"]
+    order = get_args(Verdict)
     return Changes(
         name,
         comparison.sentence,
         comparison.notes,
-        [*comparison.worse, *comparison.better, *same],
+        comparison.reported,
+        sorted(comparison.changes, key=lambda change: order.index(change.verdict)),
         history,
     )

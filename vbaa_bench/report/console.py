@@ -18,6 +18,8 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from solver.instrument.errors import printable
+
 console = Console(stderr=True, highlight=False)
 
 
@@ -26,12 +28,15 @@ def print_result(record: dict[str, Any], sentence: str, as_json: bool) -> None:
     if as_json:
         print(json.dumps(record))
     else:
-        Console(soft_wrap=True).print(sentence, highlight=False, markup=False)
+        Console(soft_wrap=True).print(printable(sentence), highlight=False, markup=False)
 
 
 def print_line(line: str) -> None:
-    """Print a line of a method's output unchanged, beside a spinner."""
-    console.print(line, markup=False, emoji=False, soft_wrap=True)
+    """Print a line, such as of a method's output, beside a spinner.
+
+    Characters that would control the terminal are escaped.
+    """
+    console.print(printable(line.expandtabs()), markup=False, emoji=False, soft_wrap=True)
 
 
 def progress_bars(*, shown: bool = True) -> Progress:
@@ -63,7 +68,7 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
             width=widths[index],
         )
     for line in lines:
-        table.add_row(*map(Text, line))
+        table.add_row(*(Text(printable(cell)) for cell in line))
     # Rich would cut a table wider than the terminal, or than 80 columns in a pipe. The box takes
     # one column on either side; padding and a divider take one each beside every table column.
     needed = sum(widths) + 2 * len(widths) + 2

@@ -6,18 +6,21 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 from markupsafe import Markup
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from vbaa_bench.report.axes import Axis
 from vbaa_bench.report.drawing import Plot
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
-from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES
+from vbaa_bench.scoring.scored_quantities import COVERAGE, SCORED_QUANTITIES
 
 _LABELS: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
 QUANTITIES: Final = [one for one in SCORED_QUANTITIES if one.name in _LABELS]
-_CLAIMED: Final = np.sort([0.02, *np.arange(0.1, 0.95, 0.1), 0.68, 0.95, 0.99])
-_MARKED: Final = (0.68, 0.95)
+_FRACTIONS: Final = np.array([0.02, *np.arange(0.1, 0.95, 0.1), 0.99])
+# Half the widths of the intervals in stated sigmas, and the fractions of Gaussian errors in them.
+_SIGMAS: Final = np.sort([*ndtri((1 + _FRACTIONS) / 2), *COVERAGE.values()])
+_CLAIMED: Final = 2 * ndtr(_SIGMAS) - 1
+_MARKED: Final = tuple(2 * ndtr(sigmas) - 1 for sigmas in COVERAGE.values())
 
 
 class Calibration(NamedTuple):
@@ -39,7 +42,7 @@ def calibrations(rows: pl.DataFrame, methods: Sequence[str]) -> list[Calibration
     found = []
     for quantity in QUANTITIES:
         size = pl.col(quantity.in_sigmas).abs()
-        shares = [(size <= float(ndtri((1 + p) / 2))).mean().alias(f"{p}") for p in _CLAIMED]
+        shares = [(size <= sigmas).mean().alias(f"{sigmas}") for sigmas in _SIGMAS]
         table = (
             rows.drop_nulls(quantity.in_sigmas)
             .group_by("method")
@@ -50,7 +53,7 @@ def calibrations(rows: pl.DataFrame, methods: Sequence[str]) -> list[Calibration
             Calibration(
                 name,
                 _LABELS[quantity.name],
-                [records[name][f"{p}"] for p in _CLAIMED],
+                [records[name][f"{sigmas}"] for sigmas in _SIGMAS],
                 records[name]["nees"],
                 records[name]["frames"],
             )

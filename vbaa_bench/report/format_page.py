@@ -8,14 +8,17 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from solver.instrument import MAX_PIXELS, hashes, observation
+from solver.instrument.estimate import Assumption
 from vbaa_bench.dataset import (
     collection,
     derived,
     exr,
     exr_channels,
     layout,
+    overall_digest,
     parquet,
     recorded,
+    scene_files,
     schema,
     subset,
 )
@@ -33,12 +36,14 @@ class Section(NamedTuple):
 _SECTIONS: Final = (
     Section("Observations", observation),
     Section("Truth", layout),
+    Section("Files of a scene", scene_files),
     Section("Derived tables", derived),
     Section("Predictions, scores and report", results),
     Section("Collections", collection),
     Section("Subsets", subset),
     Section("Hashes", hashes),
     Section("Hashes of results", recorded),
+    Section("Digest", overall_digest),
     Section("Version of the format", schema),
 )
 _HEAD: Final = """# Format of datasets
@@ -61,6 +66,8 @@ def page() -> str:
         parts.append(f"## {section.heading}\n\n{_text(section.module)}\n")
         if section.module is schema:
             parts.append(_versions())
+        if section.module is results:
+            parts.append(_assumptions())
     return "\n".join([*parts, _layers(), _bounds()])
 
 
@@ -79,6 +86,11 @@ def _versions() -> str:
     return "\n".join([f"The current version is {schema.SCHEMA}.", "", *lines, ""])
 
 
+def _assumptions() -> str:
+    lines = ["| `assumption` | what the image contradicts |", "|---|---|"]
+    return "\n".join([*lines, *(f"| `{name}` | {name.sentence} |" for name in Assumption), ""])
+
+
 def _layers() -> str:
     lines = ["| layer of a scene | channels | pixel type |", "|---|---|---|"]
     lines += [
@@ -95,6 +107,7 @@ def _bounds() -> str:
         "values (pixels times channels) of an OpenEXR image": exr_channels.MAX_VALUES,
         "values (rows times columns) of a table of one shard or of predictions": parquet.MAX_VALUES,
         "values of a table of scores or limits": parquet.MAX_SCORED_VALUES,
+        **{f"bytes of a file that a scene names, {k}": v for k, v in files.MAX_BYTES.items()},
     }
     lines = ["| bound | value |", "|---|---:|", *(f"| {k} | {v:,} |" for k, v in bounds.items())]
     rule = " ".join((files.file_of_scene.__doc__ or "").split("\n\n")[1].split())

@@ -8,13 +8,11 @@ import polars as pl
 
 from vbaa_bench.scoring.bootstrap import Interval, group_numbers, median_interval
 from vbaa_bench.scoring.efficiency import share_of_information
-from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES
+from vbaa_bench.scoring.scored_quantities import COVERAGE, SCORED_QUANTITIES
 from vbaa_bench.scoring.summary import CONTACTS
 
 # The RMSE over all frames counts a frame without an estimate as half the beam, as in `scoring`.
 _FAILURE_ERROR_PCT_L: Final = 50.0
-# Two-sided quantiles of the normal distribution.
-_SIGMAS_68, _SIGMAS_95 = 0.994458, 1.959964
 
 
 @dataclass(frozen=True)
@@ -23,9 +21,9 @@ class MethodStatistics:
 
     `contacts` and `free` count the frames with and without contact; `answered` those contacts that
     have an estimate; `right_refusals` contacts without, where this is right according to `scoring`;
-    `false_contacts` free frames with an estimate. `coverage_68` and `coverage_95` are the fractions
-    of the stated intervals of x_c with the truth. `rmse_over_limit` is the RMS of the errors over
-    the information limits of their frames, `matched` frames that have both.
+    `false_contacts` free frames with an estimate. `coverage_95` is the fraction of the stated
+    95 % intervals of x_c with the truth. `rmse_over_limit` is the RMS of the errors over the
+    information limits of their frames, `matched` frames that have both.
     """
 
     method: str
@@ -44,7 +42,6 @@ class MethodStatistics:
     force_rmse: float | None
     psi_rmse: float | None
     compliance_rmse: float | None
-    coverage_68: float | None
     coverage_95: float | None
     ms: float | None
     matched: int
@@ -115,8 +112,7 @@ def _aggregates() -> dict[str, pl.Expr]:
         "force_rmse": _rms(pl.col("force_error_pct")),
         "psi_rmse": _rms(pl.col("psi_error_deg")),
         "compliance_rmse": _rms(pl.col("compliance_error_pct")),
-        "coverage_68": (size <= _SIGMAS_68).mean(),
-        "coverage_95": (size <= _SIGMAS_95).mean(),
+        "coverage_95": (size <= COVERAGE["coverage_95"]).mean(),
         "ms": pl.col("image_ms").median(),
         "matched": matched.sum(),
         "rmse_over_limit": _rms(error / limit),

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.clutter import EdgeSpec
+from vbaa_bench.scene.files import FileName
 from vbaa_bench.scene.part import Coordinate, Fraction, Part, Positive, Triple, Turn
 
 Sides = tuple[Positive, Positive]
@@ -111,7 +112,7 @@ class EnvironmentSpec(_LampSpec):
     """
 
     kind: Literal["environment"]
-    file: Annotated[str, Field(min_length=1)] | None = None
+    file: FileName | None = None
     rotation_deg: Annotated[float, Field(ge=-360, le=360)] = 0
 
 
@@ -169,7 +170,7 @@ class BackgroundSpec(Part):
     # Distance at which the correlation is 1/e, along y; along x, `correlation_ratio` times that.
     correlation_mm: Positive = 2.0
     correlation_ratio: Annotated[float, Field(ge=1, le=100)] = 1.0
-    image_file: Annotated[str, Field(min_length=1)] | None = None
+    image_file: FileName | None = None
     image_width_mm: Positive = 200
     # Edge of the ground, if the camera is to see one; not with squares.
     edge: EdgeSpec | None = None

@@ -4,7 +4,7 @@ import io
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +16,8 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
 from solver.instrument.errors import InputError, quoted, truncated
+from solver.instrument.files import open_regular
+from vbaa_bench.scene.files import NamedFile, named_files
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.mistakes import (
     Key,
@@ -32,6 +34,7 @@ from vbaa_bench.scene.random_keys import (
     parse,
     path_of,
     random_keys,
+    with_random_keys,
 )
 from vbaa_bench.scene.random_scene import (
     RejectedDrawError,
@@ -59,6 +62,23 @@ class SceneFile:
     # Values with distributions; None if no key is random.
     _tree: Tree = field(default=None, repr=False)
 
+    # Folder of the files that the scene names; None if it is that of the scene file.
+    _folder: Path | None = field(default=None, repr=False)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the files that the scene names."""
+        return self.path.parent if self._folder is None else self._folder
+
+    @property
+    def named_files(self) -> tuple[NamedFile, ...]:
+        """Files that the scene names or may draw."""
+        tree = self._tree
+        if tree is None:
+            values = self.scene.model_dump(exclude={"random_keys"})
+            tree = with_random_keys(values, self.scene.random_keys)
+        return named_files(tree)
+
     @property
     def is_random(self) -> bool:
         """Whether `rig` draws values."""
@@ -83,7 +103,19 @@ class SceneFile:
         """Return the scene of one rig. Raises RejectedDrawError."""
         if self._tree is None:
             return self
-        return replace(self, scene=rig_scene(self._tree, number, attempt), _tree=None)
+        return self._changed(scene=rig_scene(self._tree, number, attempt), _tree=None)
+
+    def with_scene(self, scene: Scene) -> "SceneFile":
+        """Return the file with another scene, such as one with the values of a push."""
+        return self._changed(scene=scene)
+
+    def with_files_in(self, folder: Path) -> "SceneFile":
+        """Return the file with another folder of the files that the scene names."""
+        return self._changed(_folder=folder)
+
+    def _changed(self, **changes: Any) -> "SceneFile":
+        # Not by dataclasses.replace: a subclass may be built from other arguments.
+        return SceneFile(**{one.name: getattr(self, one.name) for one in fields(self)} | changes)
 
     def message_at(self, key: Sequence[Key], sentence: str) -> str:
         """Return `file:line:column: key: sentence` for `key`, or for the nearest key above it."""
@@ -211,10 +243,7 @@ def _checked_scene(path: Path, document: CommentedMap, values: Mapping[str, Any]
 
 def _text(path: Path) -> str:
     try:
-        # A pipe or a device may never end; a folder raises its own error.
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError(f"{path}: cannot be read (it is not a file)")
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             data = stream.read(MAX_FILE_BYTES + 1)
         if len(data) > MAX_FILE_BYTES:
             raise InputError(f"{path}: is too large, allowed are {MAX_FILE_BYTES:,} bytes")

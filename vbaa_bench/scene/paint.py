@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from vbaa_bench.scene.files import FileName
 from vbaa_bench.scene.part import Fraction, Part, Positive
 
 # Matt; painted steel; steel without paint; matt black.
@@ -31,7 +32,7 @@ class ImageTextureSpec(Part):
     """
 
     kind: Literal["image"]
-    file: Annotated[str, Field(min_length=1)]
+    file: FileName
     width_mm: Positive = 50
 
 

@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import threading
 from collections import Counter
@@ -17,6 +16,7 @@ from typing import IO, Any, Final, NamedTuple
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
+from solver.instrument.safe_path import PYTHON
 from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path
 from solver.methods import METHODS
@@ -25,7 +25,7 @@ from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
-from vbaa_bench.scoring.user_modules import copy_sources
+from vbaa_bench.scoring.user_modules import SOURCES, copy_sources
 
 # Time limit for one frame, repeats included [s]; a method that exceeds it has crashed.
 MAX_FRAME_S: Final = 60.0
@@ -34,8 +34,18 @@ MAX_FRAME_S: Final = 60.0
 MEMORY_GB: Final = 8.0
 # Limit of the printed output that is passed on [characters]. Chosen: a few hundred lines.
 MAX_OUTPUT: Final = 20_000
-# The folder, beside the observations, to which a user's own sources are copied.
-_SOURCES: Final = "method"
+# Variables by which a library chooses its kernels for a processor, and so the last digits of its
+# results, or where it keeps compiled code. A method must compute as the user's own processes do.
+_KERNEL_CHOICES: Final = (
+    *("OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE", "BLIS_ARCH_TYPE"),
+    *("MKL_CBWR", "MKL_DEBUG_CPU_TYPE", "MKL_ENABLE_INSTRUCTIONS"),
+    *("NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES"),
+    *("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX", "NUMBA_OPT"),
+    *("NUMBA_CACHE_DIR", "NUMBA_DISABLE_INTEL_SVML", "NUMBA_LOOP_VECTORIZE"),
+    *("NUMBA_SLP_VECTORIZE", "OPENCV_CPU_DISABLE", "OPENCV_IPP"),
+    # PyTorch's, and those of the C library's functions.
+    *("ATEN_CPU_CAPABILITY", "ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA", "GLIBC_TUNABLES"),
+)
 # Time limit for the supervisor to end after the request [s].
 _MAX_END_S: Final = 10.0
 # Time limit for reading the last of the printed output [s].
@@ -52,7 +62,7 @@ main()
 class MethodRun:
     """Result of running a method: its table, number of frames, of crashed ones, first traceback.
 
-    `refusal` says why no frame could be solved, if the rig cannot be used. `faults` counts the
+    `refusal` says why no frame could be solved, if the rig cannot be set up. `faults` counts the
     frames with each fault of `estimate_faults`; `peak_mb` is the largest memory of the method's
     process [MB], None if it is unknown.
     """
@@ -67,16 +77,12 @@ class MethodRun:
 
 
 class Job(NamedTuple):
-    """A method, the dataset that it is run on, the path of its table, and the frames, or all.
-
-    With `keep`, an earlier table is kept if the rig is refused.
-    """
+    """A method, the dataset that it is run on, the path of its table, and the frames, or all."""
 
     method: str
     layout: Layout
     out: Path
     frames: Sequence[int] | None = None
-    keep: bool = False
 
 
 class _Pipes(NamedTuple):
@@ -107,18 +113,15 @@ def solve(
     terminated the process, all remaining frames are crashed too. The method, and each process that
     it starts, may allocate `memory_gb`; 0 means no limit. `hear` is called with each line that the
     method prints, up to MAX_OUTPUT characters. `centreline` is the name of the extraction method
-    of the centreline.
+    of the centreline. Where the rig cannot be set up, for example because that centreline detects
+    no beam in the rest images, every frame has the outcome "invalid" with the reason.
 
-    Raises InputError if the method or the centreline is unknown, if that centreline detects no beam
-    in the rest images, if the observations are not what was generated, or if `out` or a temporary
-    folder cannot be written. An earlier table at `out` is then kept.
+    Raises InputError if the method is unknown, if the observations are not what was generated, or
+    if `out` or a temporary folder cannot be written. An earlier table at `out` is then kept.
     """
     limits = (repeats, memory_gb, frame_s)
     prepare_output_path(out)
-    job = Job(method, layout, out, frames, keep=True)
-    (run,) = solve_each([job], centreline, limits, hear)
-    if run.refusal:
-        raise InputError(run.refusal)
+    (run,) = solve_each([Job(method, layout, out, frames)], centreline, limits, hear)
     return run
 
 
@@ -133,7 +136,7 @@ def solve_each(
     One process runs them all, one after another, and sets up a dataset once for consecutive jobs.
     A method of the user's own needs a process of its own. `limits` are the repeats, the memory [GB]
     and the time for a frame [s]. The table of a dataset that is refused holds the reason in every
-    row.
+    row. Raises InputError as `solve` does.
     """
     remaining = list(jobs)
     while remaining:
@@ -141,7 +144,7 @@ def solve_each(
 
             def restored_paths(text: str, folder: Path = folder) -> str:
                 """Replace paths of copies by the user's own paths."""
-                sources = f"{folder / _SOURCES}{os.sep}"
+                sources = f"{folder / SOURCES}{os.sep}"
                 return text.replace(sources, "").replace(f"{folder}{os.sep}", "")
 
             task = (str(folder), centreline, *map(str, limits))
@@ -170,8 +173,10 @@ def _solve(
 ) -> tuple[MethodRun, bool]:
     """Do one job on a copy of its observations.
 
-    Return the run, and whether the process can do another.
+    Return the run, and whether the process can do another. Raises InputError if the method cannot
+    be found.
     """
+    original = str(job.layout.observations)
     observations = open_observations(job.layout.observations)
     solved: dict[int, Row] = {}
     traceback, refusal, information, alive = "", "", "", False
@@ -184,8 +189,9 @@ def _solve(
         if "end" in report:
             alive = True
             break
+        if "unusable" in report:
+            raise InputError(restored_paths(report["unusable"]))
         if "refused" in report:
-            original = str(job.layout.observations)
             refusal = restored_paths(report["refused"].replace(str(copy), original))
             continue
         solved[report["index"]] = report["row"]
@@ -195,7 +201,9 @@ def _solve(
         peaks += [report["peak_mb"]] if report.get("peak_mb") else []
     lost = Estimate(Outcome.CRASHED, "the process that runs the method died")
     if refusal:
-        lost = Estimate(Outcome.INVALID, refusal)
+        # Without the folder: tables and reports are copied to other places.
+        reason = refusal.removeprefix(f"{original}: ").replace(f"{original}{os.sep}", "")
+        lost = Estimate(Outcome.INVALID, reason)
     chosen = range(len(observations.frames)) if job.frames is None else job.frames
     rows = [
         solved.get(index) or row(observations.frames[index].frame_id, lost, None)
@@ -207,8 +215,7 @@ def _solve(
         [entry | declared for entry in rows],
         (*COLUMNS, PROCESSOR_COLUMN, REFERENCE_COLUMN, *declared),
     )
-    if not (refusal and job.keep):
-        write_results(job.out.parent, {job.out.name: text.encode()})
+    write_results(job.out.parent, {job.out.name: text.encode()})
     crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
     peak = max(peaks, default=None)
     return MethodRun(job.out, len(rows), crashed, traceback, refusal, faults, peak), alive
@@ -249,8 +256,7 @@ def _supervisor(
 
     When its standard input ends, also because this process has ended, it ends with the method.
     """
-    # -P: nothing is imported from the folder where it starts.
-    command = [sys.executable, "-P", "-c", _SUPERVISOR, *task]
+    command = [*PYTHON, "-c", _SUPERVISOR, *task]
     readable, writable = os.pipe()
     listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
     listener.start()
@@ -300,7 +306,7 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     This prevents a method from reading the truth by accident; it does not stop one that searches
     the disk. Raises InputError.
     """
-    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
+    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT", *_KERNEL_CHOICES)
     environment = {name: os.environ[name] for name in inherited if name in os.environ}
     # One thread: times are those of one core on every machine.
     environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -308,10 +314,8 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
     module, colon, _ = method.partition(":")
     if colon and method not in METHODS:
-        target = folder / _SOURCES
         try:
-            copy_sources(module, target)
+            copy_sources(module, folder / SOURCES)
         except OSError as error:
             raise InputError(f"method '{method}' cannot be copied ({error})") from error
-        environment["PYTHONPATH"] = str(target)
     return environment

@@ -38,8 +38,8 @@ def solve_rigs(
 
     `methods` are by the names of their predictions. A rig is set up once for all of them, so that a
     method of the user's own must be alone. `done` is called after each rig. Return the numbers of
-    frames of all rigs together, with the table of the first rig. Raises InputError if every rig is
-    refused.
+    frames of all rigs together, with the table of the first rig. Raises InputError if a method
+    cannot be found.
     """
 
     def solve_share(share: Sequence[Layout]) -> list[MethodRun]:
@@ -64,12 +64,11 @@ def solve_rigs(
 
 
 def _together(runs: Sequence[MethodRun]) -> MethodRun:
-    """Add up the frames of a method's runs. Raises InputError if every rig is refused."""
-    if all(run.refusal for run in runs):
-        raise InputError(runs[0].refusal)
+    """Add up the frames of a method's runs; they are refused if those of every rig are."""
+    refusal = runs[0].refusal if all(run.refusal for run in runs) else ""
     traceback = next((run.traceback for run in runs if run.traceback), "")
     frames, crashed = sum(run.frames for run in runs), sum(run.crashed for run in runs)
-    return MethodRun(runs[0].table, frames, crashed, traceback)
+    return MethodRun(runs[0].table, frames, crashed, traceback, refusal)
 
 
 def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]:

@@ -76,6 +76,11 @@ PREDICTIONS: Final = {
     "frame_id": JOINED["frame_id"],
     "outcome": Column("outcome of the estimate, see solver/README.md"),
     "message": Column("the reason for the outcome, as a sentence"),
+    "assumption": Column(
+        "assumption that the image contradicts, one of those in the description of the format",
+        "",
+        "the outcome names none",
+    ),
     **_quantities(),
     "x_c_force_correlation": Column("stated correlation of x_c_mm and force_n", "", _NOT_ESTIMATED),
     "x_c_y_c_correlation": Column("stated correlation of x_c_mm and y_c_mm", "", _NOT_ESTIMATED),
@@ -154,7 +159,7 @@ LIMITS: Final = _limits()
 SCORES: Final = {
     "frame_id": JOINED["frame_id"],
     **{name: TRUTH[name] for name in CONDITIONS},
-    **{name: PREDICTIONS[name] for name in (*NUMBERS, "outcome", "message")},
+    **{name: PREDICTIONS[name] for name in (*NUMBERS, "outcome", "message", "assumption")},
     **_truths_and_errors(),
     "x_c_simple_rms_mm": Column(f"least RMS of errors of x_c {_SIMPLE}", SIGMA_D, _HOLDS),
     "force_simple_rms_n": Column(f"least RMS of errors of force_n {_SIMPLE}", SIGMA_A, _HOLDS),
@@ -190,7 +195,7 @@ SCORES: Final = {
     "failed": Column("whether required values are missing or the outcome is wrong"),
     "crashed": Column("whether the method crashed or has no prediction"),
     "refused": Column("whether the outcome states no values, although something is touched"),
-    "rightly_refused": Column("whether this refusal is right"),
+    "rightly_refused": Column("whether this refusal, and the assumption that it names, is right"),
     "consistent": Column("whether x_c is within three stated sigmas, or a refusal is right"),
     "rig": Column("number of the rig; absent for a single dataset"),
     f"{PREFIX}*": Column(

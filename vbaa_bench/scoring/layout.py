@@ -7,6 +7,9 @@ DATASET/
   scores/scores.parquet, scores.csv, strata.csv, summary.json
   report/report.html and the figures of the README
 
+The column `assumption` of predictions names what a refused image contradicts. It is empty if the
+outcome names nothing, and files of older versions do not have it.
+
 Each folder has a hashes.json with the sha256 of the files that a command wrote, see
 vbaa_bench/dataset/recorded.py.
 """

@@ -3,11 +3,12 @@
 import codecs
 import io
 from pathlib import Path
+from typing import Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted, truncated
-from solver.instrument.estimate import Outcome
+from solver.instrument.errors import InputError, cell_text, quoted, truncated
+from solver.instrument.estimate import Assumption, Outcome
 from solver.instrument.hashes import read_bytes
 from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.readers import Truth
@@ -15,7 +16,7 @@ from vbaa_bench.dataset.recorded import exists
 from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import check_information, information_of, with_limits
-from vbaa_bench.scoring.refusals import right_refusals
+from vbaa_bench.scoring.refusals import right_refusals, rightly_refused
 from vbaa_bench.scoring.scene_values import object_radius, scene_value
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
@@ -27,9 +28,15 @@ from vbaa_bench.scoring.scored_quantities import (
 )
 from vbaa_bench.scoring.strata import strata
 
-_TEXTS = ("outcome", "message", "information")
+_TEXTS = ("outcome", "message", "assumption", "information")
 _QUANTITIES = (*SCORED_QUANTITIES, *COMPONENTS)
 _MAX_MAGNITUDE = 1e12
+# Largest predictions file. Chosen: a million frames of 40 columns in full precision have 1 GB.
+MAX_FILE_BYTES: Final = 1 << 31
+# Longest text in a cell [bytes]. Chosen: ten times the longest message that `solve` writes.
+MAX_TEXT: Final = 10_000
+# Characters that a message must not have in a table: see cell_text.
+_UNFIT: Final = r"[\p{C}]|^\s*[=+\-@]"
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
 
 
@@ -47,7 +54,7 @@ def read_file(path: Path) -> bytes:
     try:
         if not exists(path):  # a pipe or a device may never end
             raise InputError(f"{path}: is not a CSV or Parquet table (there is no such file)")
-        return read_bytes(path)
+        return read_bytes(path, MAX_FILE_BYTES)
     except OSError as error:
         raise InputError(f"{path}: is not a CSV or Parquet table ({error.strerror})") from error
 
@@ -93,6 +100,15 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
         raise InputError(
             f"{source}: a column does not hold numbers ({truncated(reason)})"
         ) from error
+    for name in ("frame_id", *(one for one in known if one in _TEXTS)):
+        longest = int(table[name].str.len_bytes().max() or 0)  # type: ignore[arg-type]  # a number
+        if longest > MAX_TEXT:
+            raise InputError(
+                f"{source}: {name} has a cell of {longest:,} bytes, allowed are {MAX_TEXT:,}"
+            )
+    if "message" in known and table["message"].str.contains(_UNFIT).any():
+        message = pl.col("message").map_elements(cell_text, return_dtype=pl.String)
+        table = table.with_columns(message)
     missing: list[pl.Expr] = [
         pl.lit(None, pl.String if n in _TEXTS else pl.Float64).alias(n)
         for n in (*NUMBERS, *_TEXTS)
@@ -134,14 +150,15 @@ def score_frames(
     A frame without a prediction has crashed. A frame that lacks a quantity which the method
     estimates in other frames has failed. Without contact, "no contact" is the only right outcome.
     `refused` frames are failures with an outcome that states no values; `rightly_refused` are
-    those for which this is right according to `refusals`; `consistent` are these, a right
+    those for which this is right according to `refusals`, where a refusal that names a broken
+    assumption is right only if the truth breaks it; `consistent` are these, a right
     "no contact", and an x_c within three stated sigmas. Errors are computed for frames that have
     not failed: each scored quantity, including components of vectors, in its own unit and in
     stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in %, and the
     norms of vector errors. `limits` are the dataset's information limits; each frame gets those of
     the information set that the predictions state, or else of the method's. `true` is the result of
     `true_frames`, which is the same for all methods. Raises InputError for frames that are not in
-    this dataset or are predicted twice, and for an unknown outcome or information set.
+    this dataset or are predicted twice, and for an unknown outcome, assumption or information set.
     """
     _check_frame_ids(truth, predictions, source)
     true = true_frames(truth) if true is None else true
@@ -162,6 +179,12 @@ def score_frames(
             f"{source}: outcome {quoted(min(unknown_outcomes))} is unknown, allowed is one of "
             f"{', '.join(str(outcome) for outcome in Outcome)}"
         )
+    unknown = set(joined["assumption"].drop_nulls()) - set(Assumption)
+    if unknown:
+        raise InputError(
+            f"{source}: assumption {quoted(min(unknown))} is unknown, allowed is one of "
+            f"{', '.join(Assumption)}"
+        )
     for name in joined["information"].unique():
         check_information(name, source)
     scored = with_limits(joined, limits).with_columns(**_verdicts(predictions))
@@ -176,7 +199,7 @@ def score_frames(
         ),
         *_percentages(truth.manifest["true_rig"]["beam_length_mm"]),
         *(_vector_error(*vector) for vector in VECTORS),
-    ).drop("may_say")
+    ).drop("may_say", "violated")
 
 
 def true_frames(truth: Truth) -> pl.DataFrame:
@@ -229,7 +252,7 @@ def _verdicts(predictions: pl.DataFrame) -> dict[str, pl.Expr]:
         "failed": failed,
         "crashed": crashed,
         "refused": refused,
-        "rightly_refused": refused & pl.col("may_say").list.contains(pl.col("outcome")),
+        "rightly_refused": refused & rightly_refused(),
     }
 
 

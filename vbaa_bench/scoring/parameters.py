@@ -13,7 +13,12 @@ import polars as pl
 from solver.instrument.arrays import Floats
 from vbaa_bench.scoring.bootstrap import DRAWS, Interval, draws, group_numbers, interval
 from vbaa_bench.scoring.conditions import STRATA
-from vbaa_bench.scoring.scored_quantities import LIMITED, SCORED_QUANTITIES, ScoredQuantity
+from vbaa_bench.scoring.scored_quantities import (
+    COVERAGE,
+    LIMITED,
+    SCORED_QUANTITIES,
+    ScoredQuantity,
+)
 from vbaa_bench.scoring.strata import class_order
 
 Row = dict[str, Any]
@@ -26,8 +31,7 @@ RATIOS: Final = {
     "rmse": ("square", "n"),
     "bias_over_limit": ("in_limits", "limited"),
     "rmse_over_limit": ("in_limits_square", "limited"),
-    "coverage_68": ("within_1_sigma", "stated"),
-    "coverage_95": ("within_1.96_sigma", "stated"),
+    **{name: (f"within_{name}", "stated") for name in COVERAGE},
     "nees": ("in_sigmas_square", "stated"),
 }
 _ROOTS: Final = ("rmse", "rmse_over_limit")
@@ -39,8 +43,7 @@ _SUMS: Final = (
     "in_limits",
     "in_limits_square",
     "stated",
-    "within_1_sigma",
-    "within_1.96_sigma",
+    *(f"within_{name}" for name in COVERAGE),
     "in_sigmas_square",
 )
 
@@ -164,8 +167,9 @@ def _sums(quantity: ScoredQuantity) -> Iterable[pl.Expr]:
         "in_limits": in_limits.sum(),
         "in_limits_square": (in_limits**2).sum(),
         "stated": in_sigmas.count(),
-        "within_1_sigma": (in_sigmas.abs() <= 1).sum(),
-        "within_1.96_sigma": (in_sigmas.abs() <= 1.96).sum(),
+        **{
+            f"within_{name}": (in_sigmas.abs() <= sigmas).sum() for name, sigmas in COVERAGE.items()
+        },
         "in_sigmas_square": (in_sigmas**2).sum(),
     }
     return [sums[name].cast(pl.Float64).alias(f"{quantity.name} {name}") for name in _SUMS]

@@ -13,7 +13,7 @@ from solver.instrument.errors import truncated
 from solver.lab.table import COLUMNS
 from vbaa_bench.scoring.scored_quantities import NUMBERS
 
-_KNOWN: Final = ("frame_id", "outcome", "message", "information", *NUMBERS)
+_KNOWN: Final = ("frame_id", "outcome", "message", "assumption", "information", *NUMBERS)
 # Threshold of the ratio of median estimate to median truth, or its inverse, for a warning: the
 # geometric mean of 1 and the factor of the nearest wrong unit, 10 for centimetres, 57.3 for
 # radians, 1000 for mN.
@@ -24,6 +24,15 @@ _MAX_RATIO: Final = {
     "force_n": math.sqrt(1000),
     "f_n": math.sqrt(1000),
 }
+# Units in which a column may be by mistake: the factor of its values, by the column's own unit.
+_WRONG_UNITS: Final = {
+    "mm": {1e-3: "m", 0.1: "cm", 1e3: "um"},
+    "deg": {math.pi / 180: "radians"},
+    "n": {1e3: "mN", 1 / 9.81: "kgf", 1e3 / 9.81: "gf"},
+}
+# A ratio is that of a unit if it differs from its factor by less. Derived: half the distance, in
+# logarithms, of the nearest two factors, 1 and 9.81.
+NEAR: Final = math.sqrt(9.81)
 # Chosen: more unknown columns are counted, not named.
 _MAX_NAMED: Final = 10
 
@@ -47,11 +56,23 @@ def doubtful_units(scores: pl.DataFrame, source: str) -> Iterator[str]:
             continue
         estimated, true = (_median(pairs[name].to_numpy()) for name in pairs.columns)
         if estimated > 0 and true > 0 and not 1 / factor < estimated / true < factor:
-            unit = column.rpartition("_")[2]
             yield (
                 f"{source}: the median of {column} is {estimated:.3g}, of the truth {true:.3g}; "
-                f"is it in {unit}?"
+                f"{_mistake(estimated / true, column.rpartition('_')[2])}"
             )
+
+
+def _mistake(ratio: float, unit: str) -> str:
+    """Name the unit whose factor is the nearest to the ratio of estimate to truth, if it is near.
+
+    `unit` is the unit that the values should have.
+    """
+    factors = _WRONG_UNITS[unit]
+    factor = min(factors, key=lambda value: abs(math.log(ratio / value)))
+    shown = unit.replace("n", "N")
+    if abs(math.log(ratio / factor)) < math.log(NEAR):
+        return f"it seems to be in {factors[factor]} instead of {shown}"
+    return f"is it in {shown}?"
 
 
 def _median(values: Floats) -> float:

@@ -11,6 +11,10 @@ truth:
 - a camera that was knocked after the images at rest: "camera moved";
 - a second contact, so that no single point contact explains the shape: "invalid" or
   "not identifiable".
+
+A refusal may name the assumption that the image contradicts, see `Assumption`. It is right if the
+truth violates this assumption by more than the rig states, see `violations`; "invalid" with another
+name is wrong, also where there is a second contact.
 """
 
 from typing import Final
@@ -23,6 +27,7 @@ from solver.instrument.estimate import Outcome
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.camera_frame import camera_frames_from_clamp
+from vbaa_bench.scoring.violations import violations
 
 # Signal-to-noise ratio: the tip's shift over the standard error of the mean of all columns, if one
 # column has a sigma of COLUMN_SIGMA_PX, as the paper's area-weighted average has. Below 5 a bend
@@ -37,10 +42,10 @@ EDGE_ON_DEG: Final = 15.0
 
 
 def right_refusals(truth: Truth) -> pl.DataFrame:
-    """Compute for each frame_id the `snr` of its bend, its `true_state` and `may_say`.
+    """Compute for each frame_id the `snr` of its bend, `true_state`, `may_say` and `violated`.
 
-    `may_say` lists the right refusals. `true_state` names the first reason for one, in the order of
-    `_STATES`, or "contact".
+    `may_say` lists the right refusals, `violated` the assumptions that do not hold. `true_state`
+    names the first reason for a refusal, in the order of `_STATES`, or "contact".
     """
     frames = truth.frames
     visible = _visible_fractions(frames)
@@ -70,7 +75,16 @@ def right_refusals(truth: Truth) -> pl.DataFrame:
         "snr",
         true_state=states.fill_null("contact"),
         may_say=allowed.list.drop_nulls(),
-    )
+    ).join(violations(truth), on="frame_id", maintain_order="left")
+
+
+def rightly_refused() -> pl.Expr:
+    """Return the condition of a right refusal, from the columns of `right_refusals`."""
+    named = pl.col("assumption").is_not_null()
+    by_outcome = pl.col("may_say").list.contains(pl.col("outcome"))
+    by_name = pl.col("violated").list.contains(pl.col("assumption")).fill_null(value=False)
+    invalid = pl.col("outcome") == str(Outcome.INVALID)
+    return by_name | (by_outcome & ~(named & invalid))
 
 
 # States of a frame in which a refusal is right, and the right outcomes.

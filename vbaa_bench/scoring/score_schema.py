@@ -8,7 +8,15 @@ from vbaa_bench.scoring.scored_quantities import COMPONENTS, LIMITED, NUMBERS, S
 
 _QUANTITIES: Final = (*SCORED_QUANTITIES, *COMPONENTS)
 _NAMES: Final = ("frame_id", "method", "outcome", "push_id", "push", "information")
-_TEXTS: Final = (*_NAMES, *STRATA, "true_state", "message", "hidden_by", "hidden_place")
+_TEXTS: Final = (
+    *_NAMES,
+    *STRATA,
+    "true_state",
+    "message",
+    "assumption",
+    "hidden_by",
+    "hidden_place",
+)
 _FLAGS: Final = (
     *("last_step", "free", "failed", "crashed", "refused", "rightly_refused", "consistent"),
 )

@@ -57,6 +57,9 @@ class ScoredQuantity:
         return f"{self.name}_error_in_sigmas"
 
 
+# Half the widths of the stated intervals whose coverage is reported, in stated standard deviations.
+COVERAGE: Final = {"coverage_68": 1.0, "coverage_95": 1.96}
+
 COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", TRUE_COMPLIANCE)
 SECOND_S_C: Final = ScoredQuantity("second_s_c", "mm", pl.col("second_s_c_mm"))
 X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"))

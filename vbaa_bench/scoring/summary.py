@@ -19,13 +19,13 @@ from vbaa_bench.scoring.refusals import SURE_SNR
 from vbaa_bench.scoring.scored_quantities import (
     COMPLIANCE,
     COMPONENTS,
+    COVERAGE,
     LIMITED,
     SCORED_QUANTITIES,
     ScoredQuantity,
 )
 
 CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
-_TWO_SIDED_95 = 1.96
 # Chosen: the largest error of guessing the middle of the beam, so that leaving a frame out is no
 # advantage for a method that is better than this guess.
 _FAILURE_ERROR_PCT_L = 50.0
@@ -163,8 +163,7 @@ def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | Non
     rmse, sigma = _rms(error), float(np.mean(_values(stated, one.sigma)))
     return {
         "n": stated.height,
-        "coverage_68": float(np.mean(in_sigmas <= 1)),
-        "coverage_95": float(np.mean(in_sigmas <= _TWO_SIDED_95)),
+        **{name: float(np.mean(in_sigmas <= sigmas)) for name, sigmas in COVERAGE.items()},
         "within_3_sigma": float(np.mean(in_sigmas <= 3)),
         "nees": float(np.mean(in_sigmas**2)),
         "sigma_over_rmse": sigma / rmse if rmse else None,

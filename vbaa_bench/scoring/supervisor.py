@@ -4,9 +4,12 @@ The arguments of the process are FOLDER CENTRELINE REPEATS MEMORY_GB FRAME_S.
 
 Each line on standard input is a JSON list of a method, a folder of observations, which is set up
 once for consecutive methods, and the indices of the frames to solve, or null for all. For each
-frame, one line of JSON is printed on standard output, the message `row` of a worker; or one line
-`refused`. A line `end` follows. When standard input ends, the parent process has ended or needs no
+frame, one line of JSON is printed on standard output, the message `row` of a worker with its times;
+or one line, `refused` for a rig that cannot be set up, `unusable` for a method that cannot be
+found. A line `end` follows. When standard input ends, the parent process has ended or needs no
 more: the workers are killed and FOLDER is removed.
+
+No code of a user runs in this process, whose clocks measure the methods.
 """
 
 import json
@@ -14,21 +17,45 @@ import multiprocessing
 import os
 import shutil
 import signal
+import socket
+import statistics
 import sys
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.context import ForkContext, SpawnContext
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
 from solver.lab.table import row
-from vbaa_bench.scoring.worker import Task, opened, work
+from solver.methods import METHODS
+from solver.methods.by_name import find_method
+from vbaa_bench.scoring.messages import (
+    MAX_TRACEBACK,
+    TICK_S,
+    Message,
+    MessageError,
+    SupervisorEnd,
+    checked_row,
+    frame_of,
+    is_text,
+)
+from vbaa_bench.scoring.process_tree import (
+    adopt_orphans,
+    end_descendants,
+    largest_memory,
+    processor_seconds,
+)
+from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
+from vbaa_bench.scoring.stamps import Stamps
+from vbaa_bench.scoring.user_modules import SOURCES
+from vbaa_bench.scoring.worker import EMPTY_RUNS, GIGABYTE, Task, opened, work
 
 # Time limit for the start of a worker, compilation included [s]. Chosen: a first compilation of
 # the solver took 110 s on a loaded machine.
@@ -36,10 +63,9 @@ MAX_START_S: Final = 300.0
 # Number of consecutive losses after which the method is given up. Chosen: an endless loop ends
 # after three minutes, and a method that fails in one configuration out of many continues.
 MAX_CONSECUTIVE_LOSSES: Final = 3
-# Interval at which a worker's death is checked [s].
-_TICK_S: Final = 0.05
-
-Message = dict[str, Any]
+# Time in which a process that has closed its connection ends [s]. Chosen: a thousand times more
+# than it takes.
+_MAX_EXIT_S: Final = 1.0
 
 # A forked worker inherits the calibration; forking is safe on Linux only.
 _CONTEXT: Final[ForkContext | SpawnContext] = (
@@ -50,34 +76,82 @@ _CONTEXT: Final[ForkContext | SpawnContext] = (
 
 
 class _WorkerLostError(Exception):
-    """Error for a worker that died or timed out; its text is the reason."""
+    """Error for a worker that died, timed out or broke a rule; its text is the reason."""
+
+
+class _Times(NamedTuple):
+    """Time by the supervisor's clock [s], and the worker's processor time, if it is known [s]."""
+
+    seconds: float
+    processor_seconds: float | None
 
 
 class _Worker:
-    """Process that solves frames, and the connection for its messages."""
+    """Process that solves frames, and the connection for its messages.
 
-    def __init__(self, *job: Any) -> None:
-        self._receiver, sender = _CONTEXT.Pipe(duplex=False)
-        self._process = _CONTEXT.Process(target=work, args=(*job, sender))
+    All methods that wait for the process raise _WorkerLostError.
+    """
+
+    def __init__(self, task: Task, *job: Any) -> None:
+        self._task = task
+        ours, its = socket.socketpair()
+        self._stamps = Stamps()
+        self._process = _CONTEXT.Process(target=work, args=(task, *job, its, self._stamps.sender))
         self._process.start()
-        sender.close()
+        its.close()
+        self._messages = SupervisorEnd(ours, self._has_ended)
+        # Limit of the import and of the warm-up. Our own methods may have to be compiled, or learn.
+        self._first_limit_s = MAX_START_S if task.method in METHODS else task.frame_s
+        # What measuring adds to a time.
+        self._added = _Times(0.0, None)
+        self._checked_memory = 0.0
 
-    def receive(self, limit_s: float) -> Message:
-        """Wait for the next message. Raises _WorkerLostError."""
-        deadline = time.monotonic() + limit_s
-        while time.monotonic() < deadline:
-            alive = self._process.is_alive()
-            # Poll once more after its death: the last message may have arrived just before.
-            if self._receiver.poll(_TICK_S if alive else 0):
-                try:
-                    message: Message = json.loads(self._receiver.recv_bytes())
-                except (EOFError, OSError, ValueError):
-                    self._process.join(_TICK_S)
-                else:
-                    return message
-            if not alive:
-                raise _WorkerLostError(f"the method's process died: {_end(self._process.exitcode)}")
-        raise _WorkerLostError(f"timed out: no answer within {limit_s:g} s")
+    def load(self) -> Message:
+        """Wait until the method is imported.
+
+        Return a message with the reason why it is `unusable` or its rig `refused`; else empty.
+        """
+        with _lost_after(MAX_START_S, self._process) as deadline:
+            self._added = self._added_by_measuring(deadline)
+            self._messages.receive(deadline, "importing")
+        with _lost_after(self._first_limit_s, self._process) as deadline:
+            message = self._messages.receive(deadline, "imported", "unusable", "refused")
+            if message["kind"] == "imported":
+                return {}
+            if not is_text(message.get("reason"), 2 * MAX_TRACEBACK):
+                raise MessageError("without a reason")
+            return {message["kind"]: message["reason"]}
+
+    def warm_up(self) -> None:
+        """Wait for the end of the warm-up."""
+        with _lost_after(self._first_limit_s, self._process) as deadline:
+            self._messages.receive(deadline, "ready")
+
+    def begin(self, remaining: set[int]) -> int:
+        """Wait until the worker begins one of the remaining frames; return its index."""
+        self._check_memory()
+        with _lost_after(MAX_START_S, self._process) as deadline:
+            return frame_of(self._messages.receive(deadline, "begin"), remaining)
+
+    def solved(self, index: int, frame_id: str) -> Message:
+        """Wait for the row of a frame, and add its times."""
+        times = defaultdict[str, list[_Times]](list)
+        with _lost_after(self._task.frame_s, self._process) as deadline:
+            while (message := self._messages.receive(deadline, "start", "row"))["kind"] == "start":
+                times[str(message.get("what"))].append(self._measure(deadline))
+            checked_row(message, index, frame_id)
+            frame, reference = times.pop("frame", []), times.pop("reference", [])
+            # An image that cannot be read is not solved.
+            unread = not frame and message["row"]["outcome"] == Outcome.INVALID
+            if times or len(reference) != 1 or not (unread or len(frame) == self._task.repeats):
+                raise MessageError("out of turn")
+        seconds = [run.seconds for run in frame] or [self._added.seconds]
+        message["row"] |= {
+            "image_ms": 1e3 * max(statistics.median(seconds) - self._added.seconds, 0.0),
+            PROCESSOR_COLUMN: self._least_processor_ms(frame),
+            REFERENCE_COLUMN: self._least_processor_ms(reference),
+        }
+        return message
 
     def kill(self) -> None:
         """Kill the process and all processes that it has started."""
@@ -86,6 +160,79 @@ class _Worker:
                 os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
         self._process.join()
+        end_descendants()
+        self._messages.close()
+        self._stamps.close()
+
+    def _measure(self, deadline: float) -> _Times:
+        """Measure what the worker computes between two messages. Raises as `receive` does."""
+        assert self._process.pid is not None
+        processor_start, start = processor_seconds(self._process.pid), time.perf_counter()
+        self._messages.answer()
+        self._messages.receive(deadline, "stop")
+        seconds, processor_end = time.perf_counter() - start, processor_seconds(self._process.pid)
+        if stamps := self._stamps.read():
+            if len(stamps) != 2:
+                raise MessageError("out of turn")
+            seconds = 1e-9 * (stamps[1] - stamps[0])
+        self._messages.answer()
+        if processor_start is None or processor_end is None:
+            return _Times(seconds, None)
+        return _Times(seconds, processor_end - processor_start)
+
+    def _added_by_measuring(self, deadline: float) -> _Times:
+        """Measure an empty method, whose time is known, before any code of the user runs."""
+        added, processor_added = list[float](), list[float]()
+        for _ in range(EMPTY_RUNS):
+            self._messages.receive(deadline, "start")
+            measured = self._measure(deadline)
+            own = self._messages.receive(deadline, "empty")
+            added.append(measured.seconds - own["seconds"])
+            if measured.processor_seconds is not None:
+                processor_added.append(measured.processor_seconds - own["processor_seconds"])
+        processor = statistics.median(processor_added) if processor_added else None
+        return _Times(statistics.median(added), processor)
+
+    def _least_processor_ms(self, runs: Sequence[_Times]) -> float | None:
+        """Return the least processor time of several runs; None if it is not known.
+
+        Other programs only lengthen it: the shortest is the least disturbed.
+        """
+        known = [run.processor_seconds for run in runs if run.processor_seconds is not None]
+        if not known or self._added.processor_seconds is None:
+            return None
+        return 1e3 * max(min(known) - self._added.processor_seconds, 0.0) or None
+
+    def _has_ended(self) -> bool:
+        self._check_memory()
+        return not self._process.is_alive()
+
+    def _check_memory(self) -> None:
+        """Raise _WorkerLostError if a process of the method uses too much memory."""
+        limit, now = self._task.memory_gb, time.monotonic()
+        if not limit or now < self._checked_memory + TICK_S:
+            return
+        self._checked_memory = now
+        if largest_memory() > limit * GIGABYTE:
+            raise _WorkerLostError(
+                f"the method needs more than {limit:g} GB, the limit of --memory"
+            )
+
+
+@contextmanager
+def _lost_after(limit_s: float, process: Any) -> Iterator[float]:
+    """Provide a deadline; convert what a worker does wrong within the block to a reason."""
+    try:
+        yield time.monotonic() + limit_s
+    except TimeoutError as error:
+        raise _WorkerLostError(f"timed out: no answer within {limit_s:g} s") from error
+    except EOFError as error:
+        process.join(_MAX_EXIT_S)
+        if process.is_alive():
+            raise _WorkerLostError("the method's process closed its connection") from error
+        raise _WorkerLostError(f"the method's process died: {_end(process.exitcode)}") from error
+    except MessageError as error:
+        raise _WorkerLostError(f"the method's process sent a message {error}") from error
 
 
 class _Workers:
@@ -136,38 +283,37 @@ def supervise(
         replayed = {i: outcome for i, outcome in outcomes.items() if frames[i].push_id == push}
         indices = sorted(remaining | replayed.keys())
         current: int | None = None
+        started = False
         with workers.one(task, indices, replayed, warm) as worker:
             try:
-                message = worker.receive(MAX_START_S)
-                if "refused" in message:
-                    yield message
+                if refusal := worker.load():
+                    yield refusal
                     return
+                if warm:
+                    worker.warm_up()
                 while remaining:
-                    message = worker.receive(MAX_START_S if current is None else task.frame_s)
-                    if "begin" in message:
-                        current = message["begin"]
-                    else:
-                        index = message["index"]
-                        outcomes[index] = Outcome(message["row"]["outcome"])
-                        remaining.discard(index)
-                        current, losses = index, 0
-                        yield message
+                    current = worker.begin(remaining)
+                    started = True
+                    message = worker.solved(current, frames[current].frame_id)
+                    outcomes[current] = Outcome(message["row"]["outcome"])
+                    remaining.discard(current)
+                    current, losses = None, 0
+                    yield message
             except _WorkerLostError as error:
                 reason = str(error)
         if not remaining:
             return
-        started = current is not None
-        if current is not None and current in remaining:
+        if current is not None:
             yield _lost(frames[current].frame_id, current, reason)
             remaining.discard(current)
             push = frames[current].push_id
-            losses += 1
+        losses += 1
+        # The warm-up itself may have failed: it counts as a loss, and is not repeated.
         if losses == MAX_CONSECUTIVE_LOSSES or not (started or warm):
-            cause = f"{losses} frames in a row were lost" if started else "it cannot be started"
+            cause = f"{losses} losses in a row" if started else "it cannot be started"
             for index in sorted(remaining):
                 yield _lost(frames[index].frame_id, index, f"not tried, {cause}; last {reason}")
             return
-        # The warm-up itself may have failed: try once more without it.
         warm = warm and started
 
 
@@ -187,14 +333,21 @@ def _end(status: int | None) -> str:
 def main() -> None:
     """Run each method that standard input names on the folder that is named with it."""
     folder, centreline, repeats, memory_gb, frame_s = sys.argv[1:]
+    adopt_orphans()
     workers, requests = _Workers(Path(folder)), SimpleQueue[str]()
     threading.Thread(target=workers.exit_with_parent, args=(requests,), daemon=True).start()
     while True:
         method, path, chosen = json.loads(requests.get())
         observations = Path(path)
-        task = Task(
-            observations, method, centreline, int(repeats), float(memory_gb), float(frame_s)
-        )
+        limits = int(repeats), float(memory_gb), float(frame_s)
+        task = Task(observations, method, Path(folder, SOURCES), centreline, *limits)
+        try:
+            if ":" not in method:
+                find_method(method)  # a misspelled name is found before the rig is set up
+        except InputError as error:
+            print(json.dumps({"unusable": str(error)}), flush=True)
+            print(json.dumps({"end": path}), flush=True)
+            continue
         try:
             opened_observations, _ = opened(observations, centreline)
             for message in supervise(task, opened_observations, workers, chosen):

@@ -10,6 +10,14 @@ from typing import Final
 
 # Modules that every process can import. A copy of the solver would also be compiled anew.
 _NOT_COPIED: Final = sys.stdlib_module_names | {"solver", "vbaa_bench"}
+# The folder, beside the observations, to which a user's own sources are copied.
+SOURCES: Final = "method"
+
+
+def import_from(sources: Path) -> None:
+    """Import from this folder first, in this process and in those that it starts."""
+    sys.path.insert(0, str(sources))
+    os.environ["PYTHONPATH"] = str(sources)
 
 
 def copy_sources(module: str, target: Path) -> None:

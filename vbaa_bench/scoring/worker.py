@@ -2,20 +2,23 @@
 
 import faulthandler
 import functools
-import json
 import os
+import socket
 import sys
+import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
+
+import numpy as np
 
 from solver.antenna import Antenna
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import solve_shots, warm_up
@@ -27,29 +30,35 @@ from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from vbaa_bench.scoring.estimate_faults import estimate_faults
 from vbaa_bench.scoring.information import check_information
-from vbaa_bench.scoring.reference_kernel import (
-    PROCESSOR_COLUMN,
-    REFERENCE_COLUMN,
-    time_reference_ms,
+from vbaa_bench.scoring.messages import (
+    MAX_MESSAGE,
+    MAX_TRACEBACK,
+    TEXTS,
+    WorkerEnd,
+    is_number_or_none,
 )
+from vbaa_bench.scoring.process_tree import end_with_parent
+from vbaa_bench.scoring.reference_kernel import run_reference
+from vbaa_bench.scoring.user_modules import import_from
 
 GIGABYTE: Final = 1e9
-# Length limits of texts [characters]. Chosen: a message is one cell of a table, a traceback one
-# page; a method may send megabytes.
-MAX_MESSAGE: Final = 1000
-MAX_TRACEBACK: Final = 8000
+# An empty method computes for so long [s], as the fastest methods do, and is run so often, for the
+# median. Chosen: together 20 ms.
+EMPTY_S: Final = 1e-3
+EMPTY_RUNS: Final = 21
 
 
 @dataclass(frozen=True)
 class Task:
-    """Task of a worker: observations, method, centreline, repeats and limits.
+    """Task of a worker: observations, method, its sources, centreline, repeats and limits.
 
     `memory_gb` is the memory limit, 0 for none; `frame_s` is the time limit for a frame, repeats
-    included.
+    included, and for the warm-up.
     """
 
     observations: Path
     method: str
+    sources: Path
     centreline: str
     repeats: int
     memory_gb: float
@@ -77,42 +86,54 @@ def work(
     indices: Sequence[int],
     replayed: Mapping[int, Outcome],
     warm: bool,
-    sender: Connection,
+    connection: socket.socket,
+    stamps: socket.socket | None,
 ) -> None:
-    """Solve the frames at `indices`, and send one JSON message for each step.
+    """Solve the frames at `indices`, and send one message for each step.
 
     Frames in `replayed` have been solved before: the method is not called for them; they only
-    serve as previous frames of their push. Messages: `ready`; for each other frame `begin`, and
-    `row` with its `index`, the `traceback` if the method raised an error, the `faults` of its
-    estimate, the `information` set that the method declares, and the `peak_mb` of memory;
-    `refused` for a method that cannot be found.
+    serve as previous frames of their push. Messages, by `kind`: `importing` before any code of the
+    method runs, `imported`, and `ready` after a warm-up; for each other frame `begin`, and `row`
+    with its `index`, the `traceback` if the method raised an error, the `faults` of its estimate,
+    the `information` set that the method declares, and the `peak_mb` of memory; `unusable` for a
+    method that cannot be found, `refused` where the beam cannot be learned; `start` and `stop`
+    around what the supervisor measures, to which it replies.
     """
+    end_with_parent()
     if hasattr(os, "setsid"):
         os.setsid()  # processes started by the method are killed with this group
     os.dup2(2, 1)  # standard output is the supervisor's channel; prints go to standard error
     faulthandler.enable()
-
-    def send(**message: Any) -> None:
-        sender.send_bytes(json.dumps(message).encode())
-
+    supervisor = WorkerEnd(connection, stamps)
     observations, antenna = opened(task.observations, task.centreline)
+    run_reference()  # compile it, or load its compiled code
+    for _ in range(EMPTY_RUNS):
+        with supervisor.timed("empty"):
+            own = _empty_method()
+        supervisor.send("empty", seconds=own[0], processor_seconds=own[1])
+    supervisor.send("importing")
     if task.memory_gb:
         _limit_memory(task.memory_gb)
     try:
+        import_from(task.sources)
         function = find_method(task.method)
         information = "" if task.method in METHODS else getattr(function, "information", "")
         if information:
             check_information(information, f"method '{task.method}'")
-        method = _MethodWrapper(function, task.memory_gb)
-        if task.method in LEARNING:
-            antenna = learned(task.observations, task.centreline)
     except InputError as error:
-        send(refused=str(error))
+        supervisor.send("unusable", reason=_reason(error))
         return
+    method = _MethodWrapper(function, task.memory_gb)
+    if task.method in LEARNING:
+        try:
+            antenna = learned(task.observations, task.centreline)
+        except InputError as error:
+            supervisor.send("refused", reason=_reason(error))
+            return
+    supervisor.send("imported")
     if warm:
         warm_up(antenna, method, next(observations.read_rest_images()))
-    time_reference_ms()  # compile it, or load its compiled code
-    send(ready=True)
+        supervisor.send("ready")
 
     class Resumed:
         """Source of the shots; it announces each shot to the method, replayed or not."""
@@ -124,27 +145,41 @@ def work(
                 index = indices[shot.number]
                 method.expect(replayed.get(index))
                 if index not in replayed:
-                    send(begin=index)
+                    supervisor.send("begin", index=index)
                     # Print where a method hangs, just before it is killed.
                     faulthandler.dump_traceback_later(0.98 * task.frame_s)
                 yield shot
 
-    for answer in solve_shots(Resumed(), antenna, method, task.repeats):
+    def measured() -> AbstractContextManager[None]:
+        return nullcontext() if method.is_replaying else supervisor.timed("frame")
+
+    for answer in solve_shots(Resumed(), antenna, method, task.repeats, measured):
         faulthandler.cancel_dump_traceback_later()
         index = indices[answer.shot.number]
         if index not in replayed:
-            timed = answer.row | {
-                PROCESSOR_COLUMN: 1e3 * answer.solved.processor_seconds or None,
-                REFERENCE_COLUMN: time_reference_ms(),
-            }
-            send(
+            with supervisor.timed("reference"):
+                run_reference()
+            supervisor.send(
+                "row",
                 index=index,
-                row=_sendable(timed),
-                traceback=method.traceback,
+                row=_sendable(answer.row),
+                traceback=_utf8(method.traceback),
                 faults=method.faults,
                 information=information,
                 peak_mb=_peak_mb(),
             )
+
+
+def _reason(error: InputError) -> str:
+    return _shortened(_utf8(str(error)), MAX_TRACEBACK)
+
+
+def _empty_method() -> tuple[float, float]:
+    """Compute for EMPTY_S; return the time that this took and its processor time [s]."""
+    start, processor_start = time.perf_counter(), time.process_time()
+    while time.perf_counter() < start + EMPTY_S:
+        pass
+    return time.perf_counter() - start, time.process_time() - processor_start
 
 
 class _MethodWrapper:
@@ -154,6 +189,11 @@ class _MethodWrapper:
         self._method, self._memory_gb, self._process = method, memory_gb, os.getpid()
         self._replayed: Outcome | None = None
         self.traceback, self.faults = "", list[str]()
+
+    @property
+    def is_replaying(self) -> bool:
+        """Whether the announced frame is a replayed one."""
+        return self._replayed is not None
 
     def expect(self, replayed: Outcome | None) -> None:
         """Announce the next frame: a replayed one with this outcome, or None for a new one."""
@@ -174,7 +214,7 @@ class _MethodWrapper:
             self.traceback = _shortened("".join(lines), MAX_TRACEBACK)
             if isinstance(error, MemoryError) and self._memory_gb:
                 limit = f"the method needs more than {self._memory_gb:g} GB, the limit of --memory"
-                raise MemoryError(limit) from error
+                return Estimate(Outcome.CRASHED, f"MemoryError: {limit}")
             raise
         finally:
             if os.getpid() != self._process:  # a process forked by the method that returned
@@ -182,15 +222,25 @@ class _MethodWrapper:
 
 
 def _sendable(row: Row) -> Row:
-    """Convert a row to values that JSON and UTF-8 can represent, whatever the method returned."""
+    """Convert a row to values that JSON and UTF-8 can represent, whatever the method returned.
+
+    What should be a number and is none is None.
+    """
     converted: Row = {}
     for name, value in row.items():
-        if value is None or isinstance(value, int | float):
-            converted[name] = value
+        if name == "assumption":
+            converted[name] = value if value in list(Assumption) else None
+        elif name in TEXTS:
+            converted[name] = _shortened(_utf8(str(value)), MAX_MESSAGE)
         else:
-            text = str(value).encode("utf-8", "replace").decode()
-            converted[name] = _shortened(text, MAX_MESSAGE)
+            number = value.item() if isinstance(value, np.generic) else value
+            converted[name] = number if is_number_or_none(number) else None
     return converted
+
+
+def _utf8(text: str) -> str:
+    """Replace characters that UTF-8 cannot represent."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def _shortened(text: str, max_length: int) -> str:

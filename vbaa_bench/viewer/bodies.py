@@ -1,7 +1,6 @@
 """What a frame shows beside the beam: meshes of object, occluder, clamp and hub, and the board."""
 
 from collections.abc import Collection, Iterator
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
+from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.geometry.board import cells
@@ -29,16 +29,16 @@ _SHOWN: Final = ("object", "second_peg", "occluder", "hub", "adaptor", "jaw", "f
 class Bodies:
     """Bodies in some frames of a dataset, from the scene in its manifest.
 
-    The pushes of these frames are solved again, which gives the states of the truth. `folder` has
-    the files that the scene names. `reason` is a sentence on why no body can be built, or empty.
+    The pushes of these frames are solved again, which gives the states of the truth. `reason` is a
+    sentence on why no body can be built, or empty.
     """
 
-    def __init__(self, truth: Truth, trials: Collection[int], folder: Path) -> None:
-        self.reason, self._folder = "", folder
+    def __init__(self, truth: Truth, trials: Collection[int]) -> None:
+        self.reason, self._folder = "", Layout(truth.root.parent).files
         self._specs: dict[int, FrameSpec] = {}
         self._solved: tuple[int, Experiment, list[State]] | None = None
         try:
-            file = recorded_scene(truth.manifest["scene"], folder)
+            file = recorded_scene(truth.manifest["scene"], self._folder)
             frames = Frames(file.scene)
             planned = plan(file, pushes={frames.push_of(trial) for trial in trials})
         except (InputError, EquilibriumError) as error:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from solver.instrument.errors import InputError
+from solver.instrument.files import move_into_place
 from solver.instrument.hashes import digest
 from vbaa_bench.report import palette
 from vbaa_bench.viewer.blueprint import blueprint
@@ -19,17 +20,16 @@ from vbaa_bench.viewer.space import Space
 def write_recording(
     data: ViewedDataset,
     out: Path,
-    files: Path,
     progress: Callable[[int], None] = lambda _done: None,
 ) -> str:
     """Write frames as a recording (.rrd), which the viewer rerun opens.
 
-    Its timelines are `frame`, frames in the order of the scene's pushes, and `push`. `files` is the
-    folder of the files that the scene names. Return a remark on what is not shown, or an empty
-    text. Raises InputError without rerun, or if `out` cannot be written.
+    Its timelines are `frame`, frames in the order of the scene's pushes, and `push`. Return a
+    remark on what is not shown, or an empty text. Raises InputError without rerun, or if `out`
+    cannot be written.
     """
     rr = _rerun()
-    bodies = Bodies(data.truth, data.trials, files)
+    bodies = Bodies(data.truth, data.trials)
     colours = {name: style.dark for name, style in palette.styles(list(data.predictions)).items()}
     aside = out.with_name(f".{out.name}.part")
     # Recordings of one file have one name, so that the viewer replaces an earlier one.
@@ -49,7 +49,7 @@ def write_recording(
             progress(done + 1)
         stream.flush()
         stream.disconnect()
-        aside.replace(out)
+        move_into_place(aside, out)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
     finally:

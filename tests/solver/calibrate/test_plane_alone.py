@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 
 from solver.calibrate import calibrate
+from solver.calibrate.board_detection import BoardDetection
+from solver.calibrate.plane_alone import plane_alone
 from solver.instrument.board import Chessboard
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
@@ -40,3 +42,10 @@ def test_a_lens_that_distorts_needs_more_views(random: np.random.Generator) -> N
     view = drawn(BOARD, camera(), board_pose(0), random, samples=34, generator=21)
     with pytest.raises(InputError, match="needed are 3"):
         calibrate([view], rig(BOARD, 5))
+
+
+def test_a_board_seen_as_one_point_determines_no_camera(random: np.random.Generator) -> None:
+    count = BOARD.rows * BOARD.columns
+    seen = BoardDetection(np.arange(count), 100 + 1e-9 * random.standard_normal((count, 2)))
+    with pytest.raises(InputError, match="do not determine the camera"):
+        plane_alone(seen, 320, 280, rig(BOARD))

@@ -6,14 +6,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
+from scipy.stats import chi2
 
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity, hung_beam
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import (
+    FRICTION_SIGMA,
+    SECTION_SIGMA,
+    SOFTNESS_SIGMA,
+    TAPER_SIGMA,
+    UNIFORM,
+    BeamShape,
+    stated_shape,
+)
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from tests.oracle import oracle
 from tests.simulated import BEAM, measurement
+from vbaa_bench.mechanics.hung import hang
 from vbaa_bench.mechanics.pushing import rest
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor
 
 LENGTH, EI = BEAM.length, BEAM.flexural_rigidity
 STEEL = 7850 * 9.807 * math.pi * (BEAM.diameter / 2) ** 2  # a metre's weight [N/m]
@@ -54,6 +67,34 @@ def test_a_clamp_that_points_down_is_bent_less_across_itself() -> None:
     assert slight[1] is not None
     assert float(slight[1](AT) / slight[0](AT)) == pytest.approx(math.cos(0.1), rel=1e-4)
     assert float(down(AT)) < float(level(AT)) * math.cos(0.1)  # the axial part pulls it straight
+
+
+@pytest.mark.parametrize(("taper", "softness"), [(-0.2, 0.0), (0.1, 0.05)])
+def test_a_tapered_beam_on_a_clamp_that_gives_hangs_as_the_rod_in_space(
+    taper: float, softness: float
+) -> None:
+    rod = Rod(BEAM, tip_ratio=1 + taper, clamp_softness=softness, weight=(0.0, STEEL, 0.0))
+    for force in (0.0, WEIGHT.force):
+        bent = hung_beam(force / EI, STEEL / EI, AT, 0.0, LENGTH, (taper,), softness)
+        assert bent is not None
+        assert np.abs(bent(hung(rod, force)[:, 1]) - hung(rod, force)[:, 2]).max() < 1e-7 * LENGTH
+
+
+@pytest.mark.parametrize("taper", [-0.02, 0.02])
+def test_a_slight_taper_shifts_the_deflection_under_the_weight(taper: float) -> None:
+    """By the taper times s_w / L: -4 c int (a - s)^2 s / L ds / int (a - s)^2 ds, from 0 to a."""
+    shapes = (hung_beam(1.0, 0.0, AT, 0.0, LENGTH, widths) for widths in ((taper,), ()))
+    cone, uniform = (float(shape(AT)) for shape in shapes if shape is not None)
+    share = taper * AT / LENGTH
+    assert cone / uniform == pytest.approx(1 - share + share**2, abs=5e-5)
+
+
+def hung(rod: Rod, force: float, at: float = AT, level: float = 0.0) -> Floats:
+    """The world's centreline (n, 4) under a weight, of a clamp that points down by `level`."""
+    if not force:
+        return rest(rod, 2000).centreline
+    pull = force * np.array([math.sin(level), math.cos(level), 0.0])
+    return hang(rod, Motor(), at, pull, [0.0], 2000)[0].centreline
 
 
 def seen(
@@ -177,3 +218,83 @@ def test_a_weight_that_is_none_is_refused(force: float, random: np.random.Genera
     at_rest, loaded = bent(AT, random)
     with pytest.raises(InputError, match="allowed is a finite number above 0"):
         flexural_rigidity([at_rest], [loaded], replace(WEIGHT, force=force))
+
+
+DRAWN_WIRE = stated_shape(TAPER_SIGMA, SOFTNESS_SIGMA, SECTION_SIGMA, FRICTION_SIGMA)
+
+
+def on_plane_c(line: Floats, random: np.random.Generator, shape: BeamShape) -> Measurement:
+    """Columns of a line (n, 4) in space, as a camera above the beam's middle shows it."""
+    viewpoint = np.array([LENGTH / 2, 0.0, 0.36, 1.0])
+    lift = viewpoint[2] / (viewpoint[2] - line[:, 3:])
+    points = viewpoint[:2] + (line[:, 1:3] - viewpoint[:2]) * lift
+    x = np.arange(3e-3, points[-1, 0], 0.51e-3)
+    y = np.interp(x, *points.T) + SIGMA * random.standard_normal(len(x))
+    taken = measurement(np.column_stack([x, y]), SIGMA, base_sigma=1e-4)
+    view = replace(taken.view, viewpoint=viewpoint)
+    return replace(taken, view=view, rig=replace(taken.rig, shape=shape))
+
+
+def test_errors_over_the_stated_tolerances_are_as_large_as_the_sigma(
+    random: np.random.Generator,
+) -> None:
+    """The plane's EI: of a section with the axes 1 and 1 + e, at an angle a to the weight."""
+    pulls, stated = [], replace(WEIGHT, force_sigma=0.0025 * WEIGHT.force)
+    for _ in range(2):
+        e, angle = SECTION_SIGMA * random.standard_normal(), random.uniform(0, math.pi)
+        level = WEIGHT.level_sigma * random.standard_normal()
+        rod = Rod(
+            BEAM,
+            tip_ratio=1 + TAPER_SIGMA * random.standard_normal(),
+            clamp_softness=SOFTNESS_SIGMA * abs(random.standard_normal()),
+            aspect_ratio=1 + e,
+            section_angle=angle,
+            weight=(STEEL * math.sin(level), STEEL * math.cos(level), 0.0),
+        )
+        true = EI / (math.cos(angle) ** 2 + math.sin(angle) ** 2 / (1 + e) ** 2)
+        at = AT + WEIGHT.at_sigma * random.standard_normal()
+        force = stated.force + stated.force_sigma * random.standard_normal()
+        at_rest, loaded = (
+            on_plane_c(hung(rod, weight, at, level), random, DRAWN_WIRE) for weight in (0.0, force)
+        )
+        found = flexural_rigidity([at_rest], [loaded], stated)
+        pulls.append((found.value - true) / found.sigma)
+        assert 0.002 * EI < found.known_shape_sigma < found.sigma < 0.008 * EI
+    # Five seeds in a million are outside either bound.
+    low, high = chi2.ppf([5e-6, 1 - 5e-6], len(pulls))
+    assert low < np.sum(np.square(pulls)) < high
+
+
+@pytest.mark.parametrize("taper", [-0.04, 0.04])
+def test_ei_is_that_at_the_clamp_of_a_beam_that_may_be_tapered(
+    taper: float, random: np.random.Generator
+) -> None:
+    rod = Rod(BEAM, tip_ratio=1 + taper, weight=(0.0, STEEL, 0.0))
+    lines = [hung(rod, force) for force in (0.0, WEIGHT.force)]
+    uniform, wire = (
+        [on_plane_c(line, random, shape) for line in lines] for shape in (UNIFORM, DRAWN_WIRE)
+    )
+    found = flexural_rigidity(wire[:1], wire[1:], WEIGHT)
+    # Five sigmas of noise, and the prior's pull towards a uniform beam: two sigmas of the taper.
+    assert abs(found.value - EI) < 7 * found.sigma < 0.04 * EI
+    # A taper that the rig excludes is mistaken for a weight at another place.
+    with pytest.raises(InputError, match="nearer to the"):
+        flexural_rigidity(uniform[:1], uniform[1:], WEIGHT)
+
+
+def test_a_beam_that_is_not_the_stated_one_is_refused(random: np.random.Generator) -> None:
+    rod = Rod(BEAM, tip_ratio=0.6, weight=(0.0, STEEL, 0.0))
+    at_rest, loaded = (
+        on_plane_c(hung(rod, force), random, stated_shape(0.02, 0.0, 0.0, 0.0))
+        for force in (0.0, WEIGHT.force)
+    )
+    with pytest.raises(InputError, match=r"beam or its clamp is \d+ sigmas from what rig.json"):
+        flexural_rigidity([at_rest], [loaded], replace(WEIGHT, at_sigma=5e-3))
+
+
+def test_a_strip_that_bends_in_another_plane_is_refused(random: np.random.Generator) -> None:
+    at_rest, loaded = (
+        replace(frame, rig=replace(frame.rig, known_psi=0.5)) for frame in bent(AT, random)
+    )
+    with pytest.raises(InputError, match=r"beam\.known_psi_deg states another"):
+        flexural_rigidity([at_rest], [loaded], WEIGHT)

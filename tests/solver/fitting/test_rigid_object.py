@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import halfnorm
 
 from solver.beam_models.rod import GRIP, S_C, Q
 from solver.fitting.problem import problem_of
@@ -59,13 +60,13 @@ def test_near_the_reversal_the_contact_may_be_held(part: float, direction: int) 
 
 
 def test_the_prior_is_that_of_the_coefficient() -> None:
+    """Its size is distributed as that of a normal variable with the stated sigma."""
     problem = problem_with(STATED)
-    coefficient, sigma = STATED.friction
     for sign in (-1, 1):
         known = with_friction_sign(problem, sign)
         assert known.friction_sign == sign
-        assert known.mean[GRIP] == pytest.approx(sign * coefficient)
-        assert known.information[GRIP, GRIP] == pytest.approx(sigma**-2)
+        assert known.mean[GRIP] == pytest.approx(sign * halfnorm.mean(scale=SIGMA))
+        assert 1 / known.information[GRIP, GRIP] == pytest.approx(halfnorm.var(scale=SIGMA))
     held = with_friction_sign(problem, 0)
     assert held.friction_sign == 0
     assert (held.mean == problem.mean).all()

@@ -94,3 +94,22 @@ def test_functions_that_are_kept_elsewhere_are_not_known(monkeypatch: pytest.Mon
     monkeypatch.setattr(compiled, "_CHOSEN", "")
     monkeypatch.setattr(compiled, "_folder", lambda _package: "")
     assert compiled.compiled_functions() is None
+
+
+def test_without_a_folder_for_compiled_code_functions_are_compiled_and_it_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A read-only package and no home: none of numba's ways to find a folder works.
+    monkeypatch.setattr("numba.core.caching.CompileResultCacheImpl._locator_classes", [])
+    monkeypatch.setattr(compiled, "_SETTINGS", dict(compiled._SETTINGS))
+    compiled._say_not_kept.cache_clear()
+
+    def doubled(x: float) -> float:
+        return 2 * x
+
+    functions = [compiled.njit(doubled) for _ in range(2)]
+    assert [function(1.5) for function in functions] == [3.0, 3.0]
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "set NUMBA_CACHE_DIR" in said
+    compiled._say_not_kept.cache_clear()

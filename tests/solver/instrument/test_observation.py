@@ -12,13 +12,13 @@ import pytest
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.hashes import HASHES
-from solver.instrument.image_frame import ImageFrame
+from solver.instrument.image_frame import NO_READINGS, ImageFrame
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, open_rig
 from tests.draws import scene_seed
 from vbaa_bench.dataset.exr_channels import channels
-from vbaa_bench.geometry.mesh_file import read_mesh
+from vbaa_bench.dataset.scene_files import read_file
 
 COLUMNS = (
     "file_name,frame_id,motor_angle_deg,push_id,step,removed_from_mm,removed_to_mm,"
@@ -88,11 +88,11 @@ def test_what_excel_writes_is_read(table: Path) -> None:
 def test_pipes_are_no_files(tmp_path: Path) -> None:
     for name in ("metadata.csv", "mesh.stl", "sky.exr"):
         os.mkfifo(tmp_path / name)
-    with pytest.raises(InputError, match="it is no file"):
+    with pytest.raises(InputError, match="it is not a regular file"):
         list(read_frames(tmp_path / "metadata.csv"))
-    with pytest.raises(InputError, match="it is no file"):
-        read_mesh(tmp_path / "mesh.stl", 1e-3)
-    with pytest.raises(InputError, match="it is no file"):
+    with pytest.raises(InputError, match="it is not a regular file"):
+        read_file(tmp_path, "mesh.stl", "mesh")
+    with pytest.raises(InputError, match="it is not a regular file"):
         channels(tmp_path / "sky.exr")
 
 
@@ -141,3 +141,25 @@ def test_a_png_that_claims_to_be_huge_is_not_decoded(tmp_path: Path) -> None:
         path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + ends)
         with pytest.raises(InputError, match=said):
             read_grey(path)
+
+
+def test_a_laboratorys_frames_are_in_images(dataset: Path, tmp_path: Path) -> None:
+    tree = dataset / "observations"
+    for part in ("calibration", "rest"):
+        shutil.copytree(tree / part, tmp_path / part)
+    shutil.copy(tree / "rig.json", tmp_path)
+    shutil.copytree(tree / "shard_00000", tmp_path / "images")
+    opened = open_observations(tmp_path).frames
+    first = [frame for frame in open_observations(tree).frames if "00000" in frame.path.parent.name]
+    assert [(f.frame_id, f.readings, f.push_id) for f in opened] == [
+        (f.frame_id, f.readings, f.push_id) for f in first
+    ]
+    (tmp_path / "images" / "metadata.csv").unlink()
+    without_table = open_observations(tmp_path).frames
+    assert [f.frame_id for f in without_table] == sorted(f.frame_id for f in first)
+    assert {f.readings for f in without_table} == {NO_READINGS}
+    # Of a generated tree, which lists its files, images beside them are none of its frames.
+    shutil.copytree(tree, tmp_path / "generated")
+    shutil.copytree(tmp_path / "images", tmp_path / "generated" / "images")
+    generated = open_observations(tmp_path / "generated").frames
+    assert len(generated) == len(open_observations(tree).frames)

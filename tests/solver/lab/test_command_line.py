@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -20,9 +21,12 @@ from solver.centreline.extractor import learn_beam
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.arrays import Grey
 from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations, open_observations
+from solver.learning.learn import LearnedBeam
 from solver.set_up import set_up
 from tests.command_line import CommandLine
 from tests.draws import generator
@@ -405,9 +409,31 @@ def test_rigidity_needs_a_weight(command: CommandLine, root: Path, images: list[
     assert "must be above 0" in command.refused("rigidity", images[0], "--rig", root, *zero)
 
 
+def test_the_learned_method_learns_from_the_images_that_it_is_given(
+    command: CommandLine,
+    root: Path,
+    images: list[Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: list[list[Path]] = []
+
+    def keeps(_antenna: Antenna, frames: Sequence[ImageFrame]) -> LearnedBeam:
+        given.append([frame.path for frame in frames])
+        raise InputError("nothing is learned here")
+
+    monkeypatch.setattr("solver.lab.command_line.learn_from_frames", keeps)
+    learned = ["--method", "exact_fit_learned"]
+    assert "nothing is learned" in command.refused(*images, "--rig", root, *learned)
+    assert given == [images]
+    monkeypatch.setattr("solver.lab.sources.open_capture", lambda _address: Plugged(images))
+    assert "a camera or video has none" in command.refused("0", "--rig", root, *learned)
+
+
 def test_a_contact_is_no_hung_weight(command: CommandLine, root: Path, images: list[Path]) -> None:
     words = ["--weight-g", "4", "--at-mm", "190"]
-    assert "sigma" in command.refused("rigidity", images[0], "--rig", root, *words)
+    refused = command.refused("rigidity", images[0], "--rig", root, *words)
+    assert "sigma from the fitted beam" in refused
+    assert "only the weight may bend the beam" in refused
 
 
 def test_a_hung_weight_gives_ei(

@@ -1,5 +1,6 @@
 """What a person sees."""
 
+import csv
 import io
 import time
 
@@ -8,8 +9,8 @@ from rich.console import Console
 
 from solver.instrument.estimate import Estimate, Outcome
 from solver.lab import console
-from solver.lab.console import setting_up, short_names, table
-from solver.lab.table import row
+from solver.lab.console import sentence, setting_up, short_names, table
+from solver.lab.table import csv_text, row
 
 
 @pytest.mark.parametrize(
@@ -62,3 +63,14 @@ def test_a_later_start_shows_no_count(
         pass
     assert "calibrating" in out.getvalue()
     assert "compiling" not in out.getvalue()
+
+
+def test_a_message_reaches_neither_terminal_nor_spreadsheet_as_a_command() -> None:
+    hostile = Estimate(Outcome.INVALID, "=HYPERLINK(1)\x1b[2J")
+    cells = row("a\x1b[2J.png", hostile, None)
+    out = io.StringIO()
+    Console(file=out, width=120).print(table([cells], "mine"))
+    assert "\x1b" not in out.getvalue() + sentence(cells)
+    # What a method sends through a pipe is such a row, too.
+    (line,) = csv.DictReader(io.StringIO(csv_text([cells | {"message": hostile.message}])))
+    assert line["message"] == "'=HYPERLINK(1)\\x1b[2J"

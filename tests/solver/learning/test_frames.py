@@ -1,5 +1,9 @@
+import math
+import shutil
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +15,7 @@ from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import Observations, open_observations
 from solver.instrument.rig_json import read_rig
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
+from solver.learning.learn import LearnedBeam
 from solver.learning.page import widths_of
 from vbaa_bench.scoring.applicable import applicable
 
@@ -87,3 +92,57 @@ def test_a_learned_antenna_measures_with_the_learned_beam(
     assert learned.rig.shape is beam.shape
     assert antenna.rig.shape.uniform
     assert beam.frames == len(observations.frames)
+
+
+def laboratory(observations: Observations, root: Path) -> Path:
+    """A folder as a laboratory has it: the rig, its images, and all frames in images/."""
+    for part in ("calibration", "rest"):
+        shutil.copytree(observations.root / part, root / part)
+    shutil.copy(observations.root / "rig.json", root)
+    (root / "images").mkdir()
+    rows = ["file_name,motor_angle_deg,push_id,step"]
+    for frame in observations.frames:
+        shutil.copy(frame.path, root / "images")
+        angle = math.degrees(frame.readings.motor_angle or 0.0)
+        rows.append(f"{frame.path.name},{angle!r},{frame.push_id},{frame.step}")
+    (root / "images" / "metadata.csv").write_text("\n".join(rows), encoding="utf-8")
+    return root
+
+
+def test_learn_takes_images_with_readings_or_a_laboratorys_folder(
+    observations: Observations,
+    antenna: Antenna,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    given: list[list[ImageFrame]] = []
+
+    def keeps(_antenna: Antenna, frames: Iterable[ImageFrame], *_: object) -> LearnedBeam:
+        given.append(list(frames))
+        raise InputError("nothing is learned here")
+
+    monkeypatch.setattr("solver.lab.learn_command.set_up", lambda *_: antenna)
+    monkeypatch.setattr("solver.lab.learn_command.learn_from_frames", keeps)
+    root = laboratory(observations, tmp_path)
+    images, table = sorted(map(str, root.glob("images/*.png"))), str(root / "images/metadata.csv")
+    out = ("--out", str(tmp_path / "learned.json"))
+    assert run(monkeypatch, "learn", str(root), *out) == 2
+    assert run(monkeypatch, "learn", *images, "--rig", str(root), "--readings", table, *out) == 2
+    assert run(monkeypatch, "learn", *images, "--rig", str(root), *out) == 2
+    said = capfd.readouterr().err
+    assert said.count("nothing is learned here") == 3
+    expected = {f.path.name: (f.push_id, f.readings.motor_angle) for f in observations.frames}
+    for frames in given[:2]:
+        pushes = {f.path.name: (f.push_id, f.readings.motor_angle) for f in frames}
+        assert pushes.keys() == expected.keys()
+        for name, (push, angle) in expected.items():
+            assert pushes[name][0] == push
+            assert pushes[name][1] == pytest.approx(angle, abs=1e-12)
+    assert {f.path.name: f.push_id for f in given[2]} == dict.fromkeys(expected, "")
+    (tmp_path / "film.avi").write_bytes(b"")
+    empty = SimpleNamespace(get=lambda _property: 25.0)
+    monkeypatch.setattr("solver.lab.sources.open_capture", lambda _name: empty)
+    film = ("learn", str(tmp_path / "film.avi"), "--rig", str(root), *out)
+    assert run(monkeypatch, *film) == 2
+    assert "learn needs images of pushes" in capfd.readouterr().err

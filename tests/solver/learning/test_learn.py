@@ -13,6 +13,7 @@ from tests.draws import generator
 from tests.simulated import BEAM, rig
 from tests.tapered import bent, measured
 
+SOFT = Candidate(0, True)
 PLACES = (0.35, 0.5, 0.62, 0.75, 0.88)
 
 
@@ -121,14 +122,20 @@ def test_objects_that_are_stated_as_smooth_stay_so() -> None:
     assert (learned.friction_coefficient, learned.friction_sigma) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("misfit", "widths"), [(0.9, 0), (1.1, 1)])
-def test_a_beam_that_is_stated_as_certain_is_left_only_where_it_misfits(
-    misfit: float, widths: int
+@pytest.mark.parametrize(
+    ("certain", "worst", "kept"),
+    [(Candidate(0, False), 0.9, True), (Candidate(0, False), 1.5, False), (SOFT, 0.9, False)],
+)
+def test_only_a_certain_beam_is_kept_against_a_better_one_and_only_within_the_sigmas(
+    certain: Candidate, worst: float, kept: bool, random: np.random.Generator
 ) -> None:
-    pushes = np.full(5, misfit)
-    certain = Trial(Candidate(0, False), pushes, 0.01, 1e-4, 1e-3)
-    cone = Trial(Candidate(1, False), pushes - 0.01, 0.0, 0.0, 1e-3)
-    assert simplest([certain, cone]).widths == widths
+    """The cone is better by a hundred errors of the difference: pushes that share errors do so."""
+    misfits = np.append(random.uniform(0.2, 0.8, 4), worst)
+    trials = [
+        Trial(certain, misfits, excess=0.01, excess_error=1e-4, noise=1e-3),
+        Trial(Candidate(2, False), misfits - 0.01, excess=0.0, excess_error=0.0, noise=1e-3),
+    ]
+    assert (simplest(trials) == certain) == kept
 
 
 def test_too_few_pushes_are_refused() -> None:

@@ -46,13 +46,14 @@ def test_a_second_root_is_told() -> None:
     points, _ = linear(0.15, np.radians(20), OVER_THE_CLAMP)
     answer = three_point(inclined(points, 1e-8, viewpoint=OVER_THE_CLAMP))
     assert np.degrees(answer.values["psi_rad"]) == pytest.approx(20, abs=1)
-    if "other inclinations" in answer.message:
-        assert answer.sigma("psi_rad") > 0
+    assert answer.message.endswith("other inclinations, 88 deg")
+    # Seen from beside the clamp, perspective leaves one.
+    aside, _ = linear(0.15, np.radians(20))
+    assert "other inclinations" not in three_point(inclined(aside, 1e-8)).message
 
 
 def test_under_noise_it_errs_as_much_as_it_says(random: np.random.Generator) -> None:
-    pulls, errors, places = [], [], []
-    answers = 0
+    errors, pulls = [], []
     for psi in np.radians([0, 20, 40]):
         for x_c in (0.11, 0.17):
             clean, _ = linear(x_c, psi)
@@ -61,15 +62,20 @@ def test_under_noise_it_errs_as_much_as_it_says(random: np.random.Generator) -> 
                 answer = three_point(inclined(clean + noise, SIGMA))
                 if not answer.values:
                     continue
-                answers += 1
-                errors.append(answer.values["psi_rad"] - psi)
-                pulls.append(errors[-1] / answer.sigma("psi_rad"))
-                places.append(answer.values["x_c_m"] - x_c)
-    assert answers >= 222  # of 240
-    # Perspective tells psi to some twenty degrees (the note beside the paper: 16 to 21).
-    assert 5 < np.degrees(np.sqrt(np.mean(np.square(errors)))) < 35
-    assert np.mean(np.abs(pulls) < 2) > 0.7
-    assert np.sqrt(np.mean(np.square(places))) < 0.05 * BEAM.length  # and x_c stays as it was
+                error = np.array([answer.values["psi_rad"] - psi, answer.values["x_c_m"] - x_c])
+                errors.append(error)
+                pulls.append(error / [answer.sigma("psi_rad"), answer.sigma("x_c_m")])
+    assert len(errors) >= 222  # of 240
+    # Perspective determines psi to some twenty degrees (the note beside the paper: 16 to 21), and
+    # x_c stays as it was.
+    psi_rms, x_c_rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert 5 < np.degrees(psi_rms) < 35
+    assert x_c_rms < 0.05 * BEAM.length
+    # Pulls have heavy tails. If two thirds of them are between these bounds, the median of 30 is
+    # outside in less than one of 100,000 seeds.
+    typical = np.median(np.abs(pulls), axis=0)
+    assert (typical > 0.2).all()
+    assert (typical < 2.5).all()
 
 
 def test_large_deflection_biases_psi() -> None:

@@ -162,6 +162,7 @@ def test_photographs_without_a_beam_have_an_outcome() -> None:
     photos = replace(drawn.photos, photographs=(drawn.photos.photographs[0], loaded))
     beam = TracedBeam(points.points, points.normals, points.sigmas, points.widths)
     both = [drawn.shown[0], drawn.shown[0]._replace(beam=beam)]
-    second = answer_photos(photos, list(both), {}).answers[1]
-    assert second.outcome in (Outcome.NO_CONTACT, Outcome.INVALID, Outcome.NOT_CONVERGED)
-    assert "s_c_m" not in second.values
+    answers = answer_photos(photos, list(both), {}).answers
+    # Without a bend, nothing determines the load and EI of the joint fit.
+    assert [one.outcome for one in answers] == [Outcome.NOT_CONVERGED] * 2
+    assert not any(one.values for one in answers)

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, camera_looking_at, invert, rigid, turn_about_z
 from solver.planes.plane_c import on_plane
 from tests.draws import generator
@@ -103,3 +104,10 @@ def test_transforms_invert_and_turn(random: np.random.Generator) -> None:
     assert quarter == pytest.approx(np.array([[0.0, 1.0, 5.0]]))
     with pytest.raises(ValueError, match="along the beam"):
         camera_looking_at(np.zeros(3), np.array([1.0, 0, 0]), 0.0)
+
+
+def test_a_pixel_beyond_the_lens_model_is_refused() -> None:
+    folded = replace(camera(), distortion=(-0.3, 0.0, 0.0, 0.0, 0.0))
+    pixels = np.array([[250.0, 205.0], [5000.0, 205.0]])
+    with pytest.raises(InputError, match=r"\(5000, 205\) is outside the field of the distortion"):
+        on_plane(folded, pixels, np.zeros((2, 2)))

@@ -133,11 +133,23 @@ def true_lines(
     return lines
 
 
+@dataclass(frozen=True)
+class Computed:
+    """An extractor that is a function of the image."""
+
+    line_of: Callable[[Grey], Centreline]
+    shading: float = 1.0
+    detector: None = None
+
+    def __call__(self, image: Grey) -> Centreline:
+        return self.line_of(image)
+
+
 def with_lines(antenna: Antenna, lines: dict[bytes, Centreline]) -> Antenna:
     def extract(image: Grey) -> Centreline:
         return lines[image.tobytes()]
 
-    return replace(antenna, at_rest=replace(antenna.at_rest, extract=extract))
+    return replace(antenna, at_rest=replace(antenna.at_rest, extract=Computed(extract)))
 
 
 def shifted(antenna: Antenna, shift: Callable[[Floats], Floats]) -> Antenna:
@@ -148,11 +160,16 @@ def shifted(antenna: Antenna, shift: Callable[[Floats], Floats]) -> Antenna:
         off = shift(line.points[:, 0])[:, None] * line.directions
         return replace(line, points=line.points + off)
 
-    return replace(antenna, at_rest=replace(antenna.at_rest, extract=extract))
+    return replace(antenna, at_rest=replace(antenna.at_rest, extract=Computed(extract)))
 
 
 def alone(shares: dict[str, float], cause: Cause, within: float = 1e-5) -> None:
-    """Check that one cause has the total's error, and all others have none."""
+    """Check that one cause has the total's error, and all others have none.
+
+    The errors that are put in are a tenth or less of those at which `exact_fit` refuses a frame, as
+    its misfit, which depends on the noise of the images, is that of the wrong beam. Rounding leaves
+    1e-13 m.
+    """
     total = shares.pop(TOTAL)
     assert shares.pop(str(cause)) == pytest.approx(total, rel=within)
     shares.pop(REMAINDER)
@@ -165,22 +182,20 @@ def test_an_antenna_without_error_has_none(perfect: Perfect) -> None:
 
 def test_a_wrong_camera_is_an_error_of_the_calibration_alone(perfect: Perfect) -> None:
     antenna = perfect.antenna
-    # As large an error as exact_fit answers in all frames; of 1 px a frame is refused.
-    camera = replace(antenna.calibration.camera, fx=700.3, fy=700.3)
+    camera = replace(antenna.calibration.camera, fx=700.03, fy=700.03)
     wrong = replace(antenna, calibration=replace(antenna.calibration, camera=camera))
     # The beam at rest as this camera sees it.
     rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
     wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
     shares = perfect.shares(wrong)
-    assert shares[TOTAL] > 1e-5
+    assert shares[TOTAL] > 1e-6
     alone(shares, Cause.CALIBRATION)
 
 
 def test_a_wrong_clamp_is_an_error_of_the_placement_alone(perfect: Perfect) -> None:
-    # As large an error as exact_fit answers in all frames; of 0.1 mm two are refused.
-    rig = replace(perfect.antenna.rig, base_position=np.array([5e-5, 0.0, 0.0]))
+    rig = replace(perfect.antenna.rig, base_position=np.array([5e-6, 0.0, 0.0]))
     shares = perfect.shares(replace(perfect.antenna, rig=rig))
-    assert shares[TOTAL] > 5e-5
+    assert shares[TOTAL] > 2e-6
     alone(shares, Cause.PLACEMENT)
 
 
@@ -188,8 +203,7 @@ def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) 
     """The camera is calibrated without error, but relative to the board."""
     true_rig, antenna = perfect.world.rig, perfect.antenna
     nominal = antenna.rig.antenna_from_board
-    # As large an error as exact_fit answers in all frames; of twice the size one is refused.
-    board = rigid(np.array([0.0, 5e-4, 0.0]), np.array([2.5e-5, 0.0, 2.5e-4])) @ nominal
+    board = rigid(np.array([0.0, 5e-5, 0.0]), np.array([2.5e-6, 0.0, 2.5e-5])) @ nominal
     displaced = replace(true_rig, antenna_from_board=board)
     perfect = replace(perfect, world=replace(perfect.world, rig=displaced))
     camera = with_nominal_board(displaced, nominal)
@@ -197,13 +211,13 @@ def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) 
     rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
     wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
     shares = perfect.shares(wrong)
-    assert shares[TOTAL] > 1e-5
+    assert shares[TOTAL] > 1e-6
     alone(shares, Cause.PLACEMENT)
 
 
 def test_wrong_points_are_an_error_of_the_centreline_alone(perfect: Perfect) -> None:
-    # Up to 0.025 px, which exact_fit answers in all frames.
-    wrong = shifted(perfect.antenna, lambda u: 5e-7 * (u - 30) * (u - 480))
+    # Up to 0.0025 px.
+    wrong = shifted(perfect.antenna, lambda u: 5e-8 * (u - 30) * (u - 480))
     shares = perfect.shares(wrong)
     assert shares[TOTAL] > 5e-6
     alone(shares, Cause.CENTRELINE)
@@ -211,7 +225,7 @@ def test_wrong_points_are_an_error_of_the_centreline_alone(perfect: Perfect) -> 
 
 def test_a_wrong_rest_line_is_an_error_of_the_rest_pose_alone(perfect: Perfect) -> None:
     at_rest = perfect.antenna.at_rest
-    rest = replace(at_rest.rest, slope=at_rest.rest.slope + 1e-4)
+    rest = replace(at_rest.rest, slope=at_rest.rest.slope + 1e-5)
     wrong = replace(perfect.antenna, at_rest=replace(at_rest, rest=rest))
     shares = perfect.shares(wrong)
     assert shares[TOTAL] > 1e-6

@@ -81,16 +81,16 @@ def test_collections_fork_too(tmp_path: Path) -> None:
     length = ("views: 6", "views: 6}\nbeam: {length_mm: {uniform: [239, 241]}")
     one = scene(tmp_path, rigs=rigs, length=length)
     layout = CollectionLayout(tmp_path / "rigs")
-    assert layout.check_scene(one.template) == "empty"
-    layout.write_scene(one.template)
-    assert layout.check_scene(one.template) == "same"
+    assert layout.check_scene(one.template, {}) == "empty"
+    layout.write_scene(one.template, {})
+    assert layout.check_scene(one.template, {}) == "same"
     layout.scene.write_text("damaged")
-    assert layout.check_scene(one.template) == "same"
-    layout.write_scene(one.template)
+    assert layout.check_scene(one.template, {}) == "same"
+    layout.write_scene(one.template, {})
     assert fork_of_collection(one, layout.root) == layout.root
     three = scene(tmp_path, rigs=(rigs[0], "seed: 11\nrigs: 3"), length=length)
-    assert layout.check_scene(three.template) == "smaller"
+    assert layout.check_scene(three.template, {}) == "smaller"
     other = scene(tmp_path, rigs=("seed: 11", "seed: 12\nrigs: 2"), length=length)
     assert fork_of_collection(other, layout.root) == tmp_path / "rigs-2"
     with pytest.raises(OtherDatasetError, match=r"\(seed 11 -> 12\)"):
-        layout.check_scene(other.template)
+        layout.check_scene(other.template, {})

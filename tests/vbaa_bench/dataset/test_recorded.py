@@ -99,7 +99,7 @@ def test_a_lock_is_waited_for_in_vain(tmp_path: Path) -> None:
 
 def test_a_collection_misses_its_rigs(tmp_path: Path) -> None:
     layout = CollectionLayout(tmp_path)
-    layout.write_scene({"title": "two"})
+    layout.write_scene({"title": "two"}, {})
     layout.write_rows({0: {"rig": "0", "reason": "too stiff"}, 1: {"rig": "1", "reason": None}})
     layout.rig(1).observations.mkdir(parents=True)
     with pytest.raises(DamageError, match="rig_00001: is missing or incomplete"):

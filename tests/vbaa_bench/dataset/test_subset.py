@@ -23,6 +23,7 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.subset import Choice, choice_of, subset
+from vbaa_bench.dataset.verify import Counts, faults
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
@@ -206,3 +207,17 @@ def test_facts_of_a_collection_are_sums(dataset: Path, tmp_path: Path) -> None:
     assert (facts.rigs, facts.impossible_rigs, facts.frames) == (3, 1, 8)
     assert facts.complete
     assert facts.bytes == sum(one.bytes for one in facts.datasets)
+
+
+def test_a_subset_has_the_files_of_the_scene(source: Layout, tmp_path: Path) -> None:
+    for name in ("a.stl", "meshes/deeper/b.stl"):
+        (source.files / name).parent.mkdir(parents=True, exist_ok=True)
+        (source.files / name).write_bytes(name.encode())
+    reseal(source)
+    small = Layout(tmp_path / "small")
+    subset(source.root, small.root, Choice(frames=1))
+    assert (small.files / "meshes/deeper/b.stl").read_bytes() == b"meshes/deeper/b.stl"
+    assert not list(faults(small.root, (), Counts(), lambda _done, _total: None))
+    (source.files / "meshes/deeper/b.stl").write_bytes(b"another")
+    with pytest.raises(DamageError, match=r"b\.stl: is not what was generated"):
+        subset(source.root, tmp_path / "other", Choice(frames=1))

@@ -1,6 +1,7 @@
 """Verification names every fault of a dataset in one pass; repair mends what can be rendered."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,8 @@ from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES
+from solver.instrument.image_frame import ImageFrame
+from solver.instrument.observation import open_observations
 from tests.end_to_end.test_generate import digests
 from tests.restoring import Restorer
 from tests.sealing import reseal
@@ -22,6 +25,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation import generate as generating
+from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
 
@@ -191,7 +195,7 @@ def test_a_collection_is_compared_with_its_tables(dataset: Path, tmp_path: Path)
     layout = CollectionLayout(tmp_path / "rigs")
     for number in (0, 1, 3):
         shutil.copytree(dataset, layout.rig(number).root)
-    layout.write_scene({"title": "Rigs", "rigs": 4})
+    layout.write_scene({"title": "Rigs", "rigs": 4}, {})
     reasons = {0: None, 1: "too stiff", 2: None}
     layout.write_rows({n: {"rig": str(n), "reason": reason} for n, reason in reasons.items()})
     assert named(layout.root) == {
@@ -205,3 +209,44 @@ def test_a_collection_is_compared_with_its_tables(dataset: Path, tmp_path: Path)
         "rigs.csv": "damaged",
         "rig_00000/observations/rest/rest_00.png": "damaged",
     }
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "observations/rest/rest_00.png",
+        "observations/shard_00000/hashes.json",
+        "observations/hashes.json",
+        "truth/shard_00000/truth.parquet",
+        "truth/manifest.json",
+        "derived/limits.parquet",
+        "derived/hashes.json",
+    ],
+)
+def test_a_pipe_in_the_place_of_a_file_is_a_fault(results: Results, name: str) -> None:
+    path = results.root / name
+    path.unlink()
+    os.mkfifo(path)
+    assert any(name.rpartition("/")[0] in one for one in named(results.root))
+
+
+def test_a_pipe_in_the_place_of_an_image_is_replaced(
+    results: Results,
+    dataset: Path,
+    small_scene: Path,
+    variant: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shards = results.dataset.shard(results.dataset.observations, 0)
+    for path in (shards / next(shards.glob("*.png")), results.dataset.manifest):
+        path.unlink()
+        os.mkfifo(path)
+    with pytest.raises(InputError, match=r"is missing|not a regular file"):
+        list(map(ImageFrame.image, open_observations(results.dataset.observations)))
+    monkeypatch.setattr(generating, "SameProcess", Restorer)
+    Restorer.source, Restorer.jobs = Layout(dataset), []
+    file = load_scene(small_scene)
+    generating.generate(file, results.root, variant, 0, lambda _done, _total: None)
+    assert {k: v for k, v in digests(results.root).items() if k in digests(dataset)} == digests(
+        dataset
+    )

@@ -1,6 +1,7 @@
 """Every format: all frames arrive, in their splits, with their pixels and values."""
 
 import json
+import re
 import tarfile
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,13 @@ import cv2
 import numpy as np
 import polars as pl
 import pytest
+from ruamel.yaml import YAML
 
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
+from tests.sealing import reseal
 from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
+from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.exports.export import FORMATS, export
 from vbaa_bench.exports.source import open_source
 
@@ -79,7 +83,7 @@ def test_hugging_face_files_have_images_labels_and_the_metadata_of_the_library(
         np.testing.assert_array_equal(image, image_of(root, row["frame_id"]))
     front = (out / "README.md").read_text(encoding="utf-8").split("---")[1]
     assert "license: cc-by-4.0" in front
-    assert "  - split: val\n    path: data/val-*.parquet" in front
+    assert '  - split: "val"\n    path: "data/val-*.parquet"' in front
 
 
 def test_webdataset_names_belong_together(tmp_path: Path, split_data: Path) -> None:
@@ -184,3 +188,22 @@ def test_what_a_format_cannot_hold_is_refused_in_one_sentence(tmp_path: Path) ->
     assert sorted(path.name for path in tmp_path.iterdir()) == ["deep", "flat", "odd", "rigs"]
     for size, name in ((rigs, "hf"), (rigs, "webdataset"), (rigs, "csv"), (rigs, "bop")):
         exported(size, name, tmp_path / name)
+
+
+def test_a_title_writes_neither_yaml_nor_markup(tmp_path: Path) -> None:
+    root = write_dataset(tmp_path / "set")
+    path = Layout(root).manifest
+    document = json.loads(path.read_text())
+    title = 'A "b" \\\n---\nlicense: mit\n---\n# <b>x</b>'
+    document["scene"]["title"] = title
+    path.write_text(json.dumps(document), encoding="utf-8")
+    reseal(Layout(root))
+    card = (exported(root, "hf", tmp_path / "out") / "README.md").read_text(encoding="utf-8")
+    _, front, body = re.split("^---$", card, flags=re.MULTILINE)
+    values = YAML(typ="safe").load(front)
+    assert values["pretty_name"] == " ".join(title.split())
+    assert values["license"] == "cc-by-4.0"
+    assert values["configs"][0]["data_files"][0]["split"] == "train"
+    assert "\n# A " in body
+    assert "license: mit" not in [line.strip() for line in body.splitlines()]
+    assert not re.search(r"(?<!\\)<b>", body)

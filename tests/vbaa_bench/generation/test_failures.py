@@ -150,7 +150,7 @@ def test_an_impossible_push_is_recorded_by_the_command(
     assert "frames failed; the reasons are in truth/shard_*/failures.json" in done.stderr
     # The limits are those of the frames that exist.
     monkeypatch.setattr(of_dataset, "Pool", SameProcess)
-    table = of_dataset.limits_of_dataset(layout.root, tmp_path, variant, 1, quiet)
+    table = of_dataset.limits_of_dataset(layout.root, variant, 1, quiet)
     assert table["frame_id"].n_unique() == record["frames"]
     # More than half of the pushes: the scene is refused.
     path.write_text(SCENE.replace("[60, 200]", "[239.5, 239.99]").replace("[3, 6]", "[10, 20]"))

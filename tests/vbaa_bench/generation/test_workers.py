@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,24 @@ def test_a_command_in_the_background_of_a_script_is_interrupted_too(
     assert ended.value.code == 130
 
 
+def test_a_processor_that_polars_cannot_use_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def imports_polars() -> None:
+        warnings.warn(
+            "Missing required CPU features.\n\nThe following", RuntimeWarning, stacklevel=1
+        )
+
+    monkeypatch.setattr(command, "app", imports_polars)
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        "error: polars needs instructions that this processor lacks, such as AVX2: "
+        "pip install 'polars[rtcompat]'\n"
+    )
+
+
 PARENT = """
 import os, signal
 from tests.vbaa_bench.residents import Resident
@@ -107,6 +126,51 @@ def test_workers_start_from_a_plain_script_and_do_not_run_it_again(tmp_path: Pat
         check=False,
     )
     assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+
+
+FROM_A_FOLDER_OF_TRAPS = """
+from solver import first_start
+from tests.vbaa_bench.residents import Resident
+from vbaa_bench.generation.workers import Pool
+from vbaa_bench.render.variant import PLAIN, probe
+
+with Pool(1, Resident, ()) as pool:
+    print(pool.call("pid") > 0)
+print(probe(PLAIN).works)
+first_start.compiled_functions = set
+with first_start.fits_compiled_beside(None):
+    pass
+"""
+
+
+def test_no_process_imports_from_the_folder_where_it_starts(tmp_path: Path) -> None:
+    traps, script = tmp_path / "traps", tmp_path / "script.py"
+    script.write_text(FROM_A_FOLDER_OF_TRAPS, encoding="utf-8")
+    traps.mkdir()
+    for module in ("struct", "json", "pickle", "signal", "multiprocessing", "mitsuba"):
+        trap = f"open({str(tmp_path / 'sprung')!r}, 'a').write({module!r})\nraise SystemExit(1)\n"
+        (traps / f"{module}.py").write_text(trap, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=traps,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "True\nTrue\n"), done.stderr
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_a_pool_leaves_no_semaphore_behind_where_all_its_processes_are_killed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def made(*_: object) -> None:
+        pytest.fail("a named semaphore stays in /dev/shm until somebody removes it")
+
+    monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", made)
+    with Pool(1, Resident, ()) as pool:
+        assert pool.call("pid") != os.getpid()
 
 
 IMPORTING = """

@@ -7,9 +7,12 @@ import trimesh
 
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import rigid
-from vbaa_bench.geometry.mesh_file import MAX_BYTES, read_mesh, touching
+from vbaa_bench.dataset.scene_files import read_file
+from vbaa_bench.geometry import mesh_file
+from vbaa_bench.geometry.mesh_file import touching
 from vbaa_bench.geometry.objects import cylinder, knife_edge, sphere
 from vbaa_bench.geometry.solids import box
+from vbaa_bench.scene.files import MAX_BYTES
 
 RADIUS = 0.4e-3
 
@@ -21,6 +24,10 @@ vt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nvn 0 1 0
 f 4/1/1 3/2/1 2/3/1 1/1/1\nf 5/1/1 6/2/1 7/3/1 8/1/1\nf 1/2/2 2/1/2 6/3/2 5/2/2
 f 2/1/1 3/1/1 7/1/1 6/1/1\nf 3/2/1 4/2/1 8/2/1 7/2/1\nf 4/3/2 1/3/2 5/3/2 8/3/2
 """
+
+
+def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
+    return mesh_file.read_mesh(read_file(path.parent, path.name, "mesh"), unit_m)
 
 
 def cuboid() -> trimesh.Trimesh:
@@ -226,7 +233,7 @@ def test_a_file_that_is_missing_cut_short_or_vast_is_refused(tmp_path: Path) -> 
     with pytest.raises(InputError, match=r"a\.stl: is not a \.stl mesh that can be read"):
         read_mesh(path, 1e-3)
     with path.open("wb") as vast:
-        vast.truncate(MAX_BYTES + 10**6)  # a file with a hole: it takes no room
+        vast.truncate(MAX_BYTES["mesh"] + 10**6)  # a file with a hole: it takes no room
     with pytest.raises(InputError, match=r"a\.stl: has 101 MB, allowed are 100 MB"):
         read_mesh(path, 1e-3)
 

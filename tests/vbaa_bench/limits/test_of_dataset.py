@@ -21,7 +21,7 @@ def test_limits_are_stored_beside_the_truth_and_belong_to_it(
     root = tmp_path / "small"
     shutil.copytree(dataset, root)
     done: list[tuple[int, int]] = []
-    table = limits_of_dataset(root, tmp_path, variant, 1, lambda *count: done.append(count))
+    table = limits_of_dataset(root, variant, 1, lambda *count: done.append(count))
     assert done[-1] == (2, 2)
     assert dict(table.schema) == SCHEMA
     assert list(SCHEMA) == list(LIMITS)

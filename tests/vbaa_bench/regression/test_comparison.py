@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import polars as pl
@@ -12,7 +13,7 @@ from solver.instrument.errors import InputError
 from tests.vbaa_bench.regression.runs import METHODS, STEPS, Drawn, changed
 from vbaa_bench.regression.cells import ALL_SCENES, PairedScene
 from vbaa_bench.regression.compared import COMPARED, TIME
-from vbaa_bench.regression.comparison import Change, Comparison, table
+from vbaa_bench.regression.comparison import Change, Comparison, Verdict, table
 from vbaa_bench.regression.pairing import pair
 from vbaa_bench.regression.scored_run import ScoredRun
 
@@ -83,10 +84,11 @@ def test_a_slower_method_is_found_and_machine_noise_is_not(same_images: bool) ->
         if same_images:
             new = replace(new, images=old.images)
         label = TIME.label
-        assert all(of(compared(old, new), name, label).verdict == "same" for name in METHODS)
+        unchanged = {name: of(compared(old, new), name, label).verdict for name in METHODS}
+        assert not set(unchanged.values()) & {"worse", "better"}
         slower = changed(new, TIME.column, 1.3, pl.col("method") == METHODS[n % 2])
         verdicts = {name: of(compared(old, slower), name, label).verdict for name in METHODS}
-        assert verdicts == dict.fromkeys(METHODS, "same") | {METHODS[n % 2]: "worse"}
+        assert verdicts == unchanged | {METHODS[n % 2]: "worse"}
 
 
 def test_changes_below_the_tolerances_are_not_reported() -> None:
@@ -114,6 +116,33 @@ def test_frames_that_are_no_longer_answered_are_reported() -> None:
     change = of(comparison, "first", "frames answered")
     assert change.old == 100
     assert change.new == pytest.approx(100 * 8 / 9)
+
+
+def test_a_doubled_error_of_nine_scattered_pushes_is_not_distinguishable() -> None:
+    # Two in three pushes have errors 8 times larger, the third 8 times smaller: twice the typical
+    # error, with a t of 1.
+    old = run(0, 1)
+    first, grown = pl.col("method") == "first", pl.col("trial") // len(STEPS) % 3 < 2
+    new = changed(old, "x_c_error_pct_L", 8.0, first & grown)
+    new = changed(new, "x_c_error_pct_L", 1 / 8, first & ~grown)
+    comparison = compared(old, new)
+    change = of(comparison, "first", "x_c error")
+    assert (change.pushes, change.verdict) == (9, "not distinguishable")
+    assert change.new / change.old == pytest.approx(2, rel=0.01)
+    assert change.smallest is None or change.smallest > change.new - change.old
+    assert change in comparison.reported
+    assert f"{len(comparison.not_distinguishable)} not distinguishable" in comparison.sentence
+    assert of(comparison, "second", "x_c error").verdict == "same"
+
+
+def test_results_of_other_images_are_not_called_the_same() -> None:
+    comparison = compared(run(0), run(1))
+    change = of(comparison, "first", "x_c error")
+    assert change.verdict != "same"
+    assert change.smallest is not None
+    assert change.smallest > 0.01 * change.old
+    # In no push has this changed.
+    assert of(comparison, "first", "frames answered").verdict == "same"
 
 
 def test_small_scenes_are_also_compared_together() -> None:
@@ -154,5 +183,5 @@ def test_times_of_another_processor_are_not_compared() -> None:
 def test_records_hold_plain_values() -> None:
     (record, *_) = compared(run(0), run(1)).records()
     assert {type(value) for value in record.values()} <= {str, int, float, type(None)}
-    assert record["verdict"] in {"worse", "same", "better"}
+    assert record["verdict"] in get_args(Verdict)
     assert np.isfinite([record["old"], record["new"], record["p"]]).all()

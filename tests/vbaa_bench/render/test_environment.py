@@ -32,8 +32,10 @@ def test_a_quarter_turn_carries_plus_x_to_plus_y() -> None:
 def test_a_picture_is_read_as_luminance(tmp_path: Path) -> None:
     ramp = np.arange(6.0).reshape(2, 3)
     colour = write(tmp_path / "rgb.exr", R=ramp, G=2 * ramp, B=0 * ramp)
-    assert read_environment(colour) == pytest.approx((0.2126 + 2 * 0.7152) * ramp, rel=1e-6)
-    assert read_environment(write(tmp_path / "y.exr", Y=ramp)) == pytest.approx(ramp)
+    assert read_environment(tmp_path, colour.name) == pytest.approx(
+        (0.2126 + 2 * 0.7152) * ramp, rel=1e-6
+    )
+    assert read_environment(tmp_path, write(tmp_path / "y.exr", Y=ramp).name) == pytest.approx(ramp)
 
 
 def test_what_is_no_picture_of_light_is_refused(tmp_path: Path) -> None:
@@ -51,4 +53,4 @@ def test_what_is_no_picture_of_light_is_refused(tmp_path: Path) -> None:
         (write(tmp_path / "dark.exr", Y=0 * ramp), "is dark above the horizon"),
     ):
         with pytest.raises(InputError, match=said):
-            read_environment(path)
+            read_environment(tmp_path, path.name)

@@ -143,7 +143,9 @@ def predictions(dataset: Path) -> pl.DataFrame:
         dict.fromkeys(PREDICTIONS, 1.0) | {"frame_id": name, "outcome": "contact"} for name in ids
     ]
     rows[-1] |= dict.fromkeys(("x_c_mm", "force_n")) | {"outcome": "invalid"}
-    return pl.DataFrame(rows, infer_schema_length=None).with_columns(message=pl.lit("text"))
+    return pl.DataFrame(rows, infer_schema_length=None).with_columns(
+        message=pl.lit("text"), assumption=pl.when(outcome="invalid").then(pl.lit("taper"))
+    )
 
 
 def test_columns_of_predictions_and_scores_are_described(dataset: Path) -> None:

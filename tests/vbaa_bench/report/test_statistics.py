@@ -11,6 +11,8 @@ from vbaa_bench.report.heat_map import heat_maps, with_bins
 from vbaa_bench.report.outcomes import messages, outcomes
 from vbaa_bench.report.statistics import MethodStatistics, statistics, with_groups
 from vbaa_bench.report.strata import strata
+from vbaa_bench.scoring.scored_quantities import X_C
+from vbaa_bench.scoring.summary import calibration
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +38,6 @@ def test_statistics_are_those_of_all_frames(
     assert second.rmse == pytest.approx(np.sqrt(np.mean(errors**2)))
     everything = np.concatenate([errors, np.full(200, 50.0)])
     assert second.rmse_all == pytest.approx(np.sqrt(np.mean(everything**2)))
-    assert second.coverage_68 == pytest.approx(0.68, abs=0.03)
     assert second.coverage_95 == pytest.approx(0.95, abs=0.015)
     assert second.share_answered == pytest.approx(3400 / 3600)
 
@@ -105,6 +106,20 @@ def test_calibration_curves_are_actual_shares(table: pl.DataFrame) -> None:
     assert right.at(0.95) == pytest.approx(95, abs=1.5)
     assert narrow.at(0.95) == pytest.approx(67.3, abs=3)  # errors of two sigmas: erf(0.98 / sqrt 2)
     assert narrow.nees == pytest.approx(4, rel=0.1)
+
+
+def test_page_and_summary_state_the_same_coverage() -> None:
+    # Between 0.9945, the two-sided 68 % quantile, and 1, and between 1.95996 and 1.96.
+    answered = scores(40, ("exact_fit",)).drop_nulls("x_c_error_mm")
+    sizes = np.resize([0.5, 0.996, 1.5, 1.95998, 3.0], answered.height)
+    table = answered.with_columns(pl.Series("x_c_error_in_sigmas", sizes), x_c_sigma_mm=1.0)
+    stated = calibration(table, X_C)
+    assert stated is not None
+    shown = next(one for one in calibrations(table, METHODS) if one.quantity == "contact distance")
+    assert shown.at(0.68) == pytest.approx(100 * stated["coverage_68"])
+    assert shown.at(0.95) == pytest.approx(100 * stated["coverage_95"])
+    (of_method,) = statistics(with_groups(table)).values()
+    assert of_method.coverage_95 == stated["coverage_95"]
 
 
 def test_equal_rows_of_outcomes_are_joined(table: pl.DataFrame) -> None:

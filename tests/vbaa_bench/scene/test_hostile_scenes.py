@@ -74,5 +74,5 @@ def test_long_values_and_long_lists_of_mistakes_are_shortened(tmp_path: Path) ->
 
 def test_a_pipe_is_no_scene(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "scene.yaml")
-    with pytest.raises(InputError, match="it is not a file"):
+    with pytest.raises(InputError, match="it is not a regular file"):
         load_scene(tmp_path / "scene.yaml")

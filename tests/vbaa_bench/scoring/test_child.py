@@ -2,8 +2,8 @@
 
 import csv
 import errno
+import html
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -26,8 +26,10 @@ from vbaa_bench import cli
 from vbaa_bench.api import results as api
 from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.report.report import report
 from vbaa_bench.scoring import child
 from vbaa_bench.scoring.child import MethodRun, solve
+from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.user_modules import copy_sources
 
 FAILING = """
@@ -102,7 +104,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     heard: list[str] = []
     out = root / "predictions" / "own.csv"
     solved = solve(
-        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=2.0, hear=heard.append
+        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=5.0, hear=heard.append
     )
     with out.open(encoding="utf-8") as stream:
         messages = [one["message"] for one in csv.DictReader(stream)]
@@ -110,7 +112,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
         Outcome.CONTACT.sentence,
         "the method's process died: exit status 7",
         "MemoryError: the method needs more than 2.5 GB, the limit of --memory",
-        "timed out: no answer within 2 s",
+        "timed out: no answer within 5 s",
     ]
     assert (solved.frames, solved.crashed) == (4, 3)
     assert 'File "failing.py", line 21, in in_turn' in solved.traceback
@@ -183,7 +185,7 @@ def test_an_earlier_table_is_kept_if_the_method_cannot_be_imported(
     assert not list(tmp_path.glob(".*.part"))
 
 
-def test_a_rig_that_cannot_be_used_is_named_by_the_users_own_path(
+def test_frames_of_a_rig_that_cannot_be_set_up_are_refusals_in_a_report(
     dataset: Path, tmp_path: Path
 ) -> None:
     root = tmp_path / "dark"
@@ -191,9 +193,16 @@ def test_a_rig_that_cannot_be_used_is_named_by_the_users_own_path(
     for path in (root / "observations" / "calibration").iterdir():
         assert cv2.imwrite(str(path), np.zeros_like(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
     reseal(Layout(root))
-    named = f"^{re.escape(str(root / 'observations'))}: calibration view 0"
-    with pytest.raises(InputError, match=named):
-        solve(Layout(root), "two_point", tmp_path / "out.csv", 1)
+    with pytest.raises(InputError, match="method 'two_pint' is unknown"):
+        api.solve(root, "two_pint")
+    runs = api.solve(root, "two_point")
+    # The user's own path, not that of the copy which the method was given.
+    assert runs["two_point"].refusal.startswith(f"{root / 'observations'}: calibration view 0")
+    scores = api.score(root, runs=runs).frames
+    assert set(scores["outcome"]) == {str(Outcome.INVALID)}
+    (message,) = set(scores["message"])
+    assert message.startswith("calibration view 0")
+    assert message in html.unescape(report(Results(root)).read_text(encoding="utf-8"))
 
 
 def test_sources_and_neighbours_are_copied_and_datasets_are_not(

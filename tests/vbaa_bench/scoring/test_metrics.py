@@ -296,6 +296,62 @@ def test_when_an_answer_without_numbers_is_right(true: dict[str, Any], right: se
             assert row["rightly_refused"] == (str(outcome) in right)
 
 
+@pytest.mark.parametrize(
+    ("scene", "true", "assumption"),
+    [
+        ({"beam": {"tip_ratio": 0.97}}, {}, "taper"),
+        ({"beam": {"tip_ratio": 0.97}}, {}, "taper or friction"),
+        ({"object": {"friction": 0.1}}, {}, "friction"),
+        ({"object": {"friction": 0.1}}, {}, "taper or friction"),
+        ({"beam": {"bow_mm": 0.1}, "tolerances": {"bow_mm": 0.1}}, {}, "bow"),
+        ({"beam": {"clamp_softness": 0.01}}, {}, "clamp"),
+        ({"beam": {"length_mm": 239.0}, "tolerances": {"beam_length_mm": 0.1}}, {}, "length"),
+        ({"clamp_offset_mm": [0.0, 3.0, 4.0]}, {}, "motor axis"),
+        ({"object": {"drift_mm": [0.0, -0.5, 0.0]}}, {}, "resting object"),
+        ({"camera": {"mount": "antenna", "knock_px": [0.0, 0.2]}}, {}, "camera at rest"),
+        ({}, {"drawn.light_level": 1.5}, "light"),
+        ({}, {"psi_deg": 20.0}, "plane"),
+        ({}, {"psi_deg": 160.0}, "side"),
+        ({}, {"second_s_c_mm": 190.0}, "one contact"),
+    ],
+)
+def test_a_refusal_that_names_a_broken_assumption_is_right(
+    scene: dict[str, Any], true: dict[str, Any], assumption: str
+) -> None:
+    def judged(scene: dict[str, Any], true: dict[str, Any], name: str | None) -> bool:
+        world = truth(true)
+        manifest = {**world.manifest, "scene": {**world.manifest["scene"], **scene}}
+        refusal = pl.DataFrame(
+            {"frame_id": "f0", "x_c_mm": None, "outcome": "invalid", "assumption": name}
+        )
+        table = checked_predictions(refusal, "mine")
+        rows = score_frames(replace(world, manifest=manifest), table, "mine", "mine")
+        assert rows["refused"].all()
+        assert rows["assumption"].to_list() == [name]
+        return bool(rows["rightly_refused"].item())
+
+    assert judged(scene, true, assumption)
+    assert not judged(scene, true, "gravity")
+    assert not judged({}, {}, assumption)
+    assert judged(scene, true, None) == (assumption == "one contact")
+
+
+@pytest.mark.parametrize(("sigma_pct", "right"), [(0.9, True), (1.1, False)])
+def test_a_taper_within_three_stated_sigmas_is_no_broken_assumption(
+    sigma_pct: float, right: bool
+) -> None:
+    world = truth({})
+    scene = {"beam": {"tip_ratio": 0.97}, "tolerances": {"tip_ratio_pct": sigma_pct}}
+    manifest = {**world.manifest, "scene": {**world.manifest["scene"], **scene}}
+    violated = right_refusals(replace(world, manifest=manifest))["violated"][0]
+    assert ("taper" in violated) == right
+
+
+def test_an_unknown_assumption_is_an_error() -> None:
+    with pytest.raises(InputError, match="assumption 'haste' is unknown, allowed is one of taper"):
+        one({}, {"outcome": "invalid", "assumption": "haste"})
+
+
 def test_numbers_with_an_honest_sigma_are_right_where_a_refusal_would_be() -> None:
     weak = {"x_c_mm": 150.0, "x_c_sigma_mm": 40.0, "outcome": "weak contact"}
     row = one({"deflection_pct": 0.01}, weak)
@@ -333,3 +389,14 @@ def test_a_knocked_camera_may_be_refused() -> None:
         manifest = {**true.manifest, "scene": {**scene, "camera": camera}}
         found = right_refusals(replace(true, manifest=manifest))["may_say"][0]
         assert set(found) == allowed
+
+
+def test_texts_of_a_table_are_short_and_fit_for_a_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "mine.csv"
+    head = "frame_id,x_c_mm,outcome,message\n"
+    path.write_text(f"{head}f0,,invalid,=1+1\nf1,,invalid,\x1b[2Jx\nf2,,invalid,right\n")
+    messages = read_predictions(path)["message"].to_list()
+    assert messages == ["'=1+1", "\\x1b[2Jx", "right"]
+    path.write_text(f"{head}f0,,invalid,{'x' * 10_001}\n")
+    with pytest.raises(InputError, match="message has a cell of 10,001 bytes, allowed are 10,000"):
+        read_predictions(path)

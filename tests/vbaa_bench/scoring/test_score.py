@@ -104,7 +104,10 @@ def test_other_columns_and_units_are_warned_of(results: Results, tmp_path: Path)
     assert warnings(table.with_columns(pl.col("x_c_mm", "s_c_mm") * 2, chi2=1.0)) == []
     metres = warnings(table.with_columns(pl.col("x_c_mm") / 1e3))
     assert [said.partition(",")[0] for said in metres] == ["the median of x_c_mm is 0.196"]
-    assert warnings(table.with_columns(pl.col("force_n") * 1e3))[0].endswith("is it in n?")
+    assert metres[0].endswith("it seems to be in m instead of mm")
+    millinewtons = warnings(table.with_columns(pl.col("force_n") * 1e3))[0]
+    assert millinewtons.endswith("it seems to be in mN instead of N")
+    assert warnings(table.with_columns(pl.col("force_n") * 1e6))[0].endswith("is it in N?")
     renamed = table.with_columns(x_c_m=pl.col("x_c_mm") / 1e3, remark=pl.lit("good"))
     assert warnings(renamed.drop("x_c_mm")) == [
         "the column x_c_m is unknown and not scored; did you mean x_c_mm?",

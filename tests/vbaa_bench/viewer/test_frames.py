@@ -52,7 +52,7 @@ def test_one_rig_of_a_collection_is_viewed(tmp_path: Path) -> None:
 
 
 def test_the_object_touches_the_beam(viewed: ViewedDataset) -> None:
-    bodies = Bodies(viewed.truth, viewed.trials, Path())
+    bodies = Bodies(viewed.truth, viewed.trials)
     assert bodies.reason == ""
     for frame in viewed:
         meshes = dict(bodies.of_frame(frame.row["trial"]))
@@ -72,7 +72,7 @@ def test_the_object_touches_the_beam(viewed: ViewedDataset) -> None:
 
 def test_the_reason_is_stated_if_no_body_can_be_built(tmp_path: Path) -> None:
     truth = open_truth(store(tmp_path / "set") / "truth")
-    bodies = Bodies(truth, [0], Path())
+    bodies = Bodies(truth, [0])
     assert "exactly one of pushes and sampling" in bodies.reason
     assert list(bodies.of_frame(0)) == []
     assert bodies.board_lines() == []

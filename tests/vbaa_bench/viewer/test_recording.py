@@ -19,7 +19,7 @@ def test_a_recording_without_rerun_is_refused(
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(InputError, match=r"needs the extra '.\[view\]' \(rerun-sdk\); --format"):
-        write_recording(viewed, tmp_path / "v.rrd", Path())
+        write_recording(viewed, tmp_path / "v.rrd")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -28,7 +28,7 @@ def entities(viewed: ViewedDataset, tmp_path: Path) -> dict[str, list[Any]]:
     """Record batches of a recording, by entity."""
     chunk = pytest.importorskip("rerun.chunk")
     done: list[int] = []
-    assert write_recording(viewed, tmp_path / "v.rrd", Path(), done.append) == ""
+    assert write_recording(viewed, tmp_path / "v.rrd", done.append) == ""
     assert done == [1, 2, 3, 4]
     assert [path.name for path in tmp_path.iterdir()] == ["v.rrd"]
     reader = chunk.RrdReader(tmp_path / "v.rrd")

@@ -1,7 +1,6 @@
 """Stages of the budget: antennas in which one stage after the other is replaced by the truth."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -58,6 +57,8 @@ class Substitute:
     """Extractor that returns `line`, whatever the image shows."""
 
     line: Centreline
+    shading: float = 1.0
+    detector: None = None
 
     def __call__(self, image: Grey) -> Centreline:
         """Return the centreline; the image is not used."""
@@ -111,7 +112,7 @@ def tip_lift(antenna: Antenna) -> float:
 
 def substitute_of(antenna: Antenna) -> Substitute:
     """Return the substitute extractor of a stage's antenna."""
-    extract: Callable[[Grey], Centreline] = antenna.extract
+    extract = antenna.extract
     assert isinstance(extract, Substitute)
     return extract
 

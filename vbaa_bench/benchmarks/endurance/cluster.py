@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from solver.instrument.errors import InputError
+from solver.instrument.safe_path import PYTHON
 from vbaa_bench.benchmarks.endurance.runs import (
     children,
     digests,
@@ -102,7 +102,7 @@ class _Cluster:
     def _process(self, name: str, *options: str) -> subprocess.Popen[bytes]:
         with (self.folder / f"{name}.log").open("ab") as log:
             return subprocess.Popen(
-                [sys.executable, "-m", f"distributed.cli.{name}", *options],
+                [*PYTHON, "-m", f"distributed.cli.{name}", *options],
                 stdout=log,
                 stderr=log,
                 start_new_session=True,

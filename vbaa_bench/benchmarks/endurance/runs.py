@@ -4,12 +4,12 @@ import hashlib
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Final
 
 from solver.instrument.errors import InputError
+from solver.instrument.safe_path import PYTHON
 
 # Chosen: images as small as the calibration of a rig allows, so that a run takes seconds.
 _SCENE: Final = """\
@@ -35,7 +35,7 @@ def started(
     scene: Path, out: Path, *options: str, log: Path | None = None
 ) -> subprocess.Popen[str]:
     """Start `generate` in a session of its own; messages go to `log`, by default beside `out`."""
-    command = [sys.executable, "-m", "vbaa_bench", "generate", str(scene), "--out", str(out)]
+    command = [*PYTHON, "-m", "vbaa_bench", "generate", str(scene), "--out", str(out)]
     with _log(out, log).open("a", encoding="utf-8") as messages:
         return subprocess.Popen(
             [*command, *options],

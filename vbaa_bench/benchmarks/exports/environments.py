@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from solver.instrument.errors import InputError, truncated
+from solver.instrument.safe_path import PYTHON
 
 HERE: Final = Path(__file__).parent
 
@@ -31,9 +32,9 @@ def environment(name: str, folder: Path) -> Environment:
     python = root / ("Scripts" if sys.platform == "win32" else "bin") / "python"
     stamp, versions = root / "installed", hashlib.sha256(requirements.read_bytes()).hexdigest()
     if not (stamp.is_file() and stamp.read_text(encoding="utf-8") == versions):
-        install = [str(python), "-m", "pip", "install", "--quiet", "--no-deps"]
+        install = [str(python), "-P", "-m", "pip", "install", "--quiet", "--no-deps"]
         for command in (
-            [sys.executable, "-m", "venv", "--clear", str(root)],
+            [*PYTHON, "-m", "venv", "--clear", str(root)],
             [*install, "--requirement", str(requirements)],
         ):
             done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -12,6 +12,7 @@ from solver.instrument.images import CHANNELS, eight_bit, png_head, read_grey
 from vbaa_bench.benchmarks.fuzz.damage import damaged
 from vbaa_bench.benchmarks.fuzz.pictures import picture
 from vbaa_bench.dataset.exr import read_exr
+from vbaa_bench.dataset.scene_files import read_file
 from vbaa_bench.geometry.mesh_file import KINDS, read_mesh, touching
 from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.image_files import read_surface_image
@@ -50,7 +51,7 @@ class Images:
         read_surface_image(folder, path.name)
 
     def _environment(self, chance: random.Random, folder: Path) -> None:
-        read_environment(self._written(chance, folder / "a.exr"))
+        read_environment(folder, self._written(chance, folder / "a.exr").name)
 
     def _layers(self, chance: random.Random, folder: Path) -> None:
         read_exr(self._written(chance, folder / "a.exr"))
@@ -68,7 +69,9 @@ class Images:
             data = damaged(data, chance)
         path = folder / f"a{kind}"
         path.write_bytes(data)
-        mesh = read_mesh(path, chance.choice((1.0, 1e-3, 1e-9, 1e9)))
+        mesh = read_mesh(
+            read_file(folder, path.name, "mesh"), chance.choice((1.0, 1e-3, 1e-9, 1e9))
+        )
         touching(mesh, 0.0004)
 
 

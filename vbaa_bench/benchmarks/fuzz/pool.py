@@ -10,6 +10,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Final
 
+from solver.instrument.safe_path import safe_path
 from vbaa_bench.benchmarks.fuzz.case import (
     CLOCK_LIMIT_S,
     FINDINGS,
@@ -101,7 +102,8 @@ def _started(factories: Mapping[str, KindFactory], seed: int, material: Path, wo
     process = context.Process(
         target=run_cases, args=(there, dict(factories), seed, material, work), daemon=True
     )
-    process.start()
+    with safe_path():
+        process.start()
     there.close()
     return _Child(process, here, work, since=time.monotonic())
 

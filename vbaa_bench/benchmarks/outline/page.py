@@ -44,11 +44,11 @@ def markdown(records: Mapping[str, Sequence[Record]], command: str) -> str:
     pictures = "\n\n".join(f"![Outline of {scene}]({scene}.png)" for scene in records)
     return f"""# Outlines of unknown objects
 
-A carriage brings the antenna to an object on a table, from all sides. Every push is one image, from
-which `exact_fit` estimates the contact and the direction of the force. The readings of the carriage
-and of the motor place these on the table, and `python -m solver outline` fits the boundary of a
-convex region to them. The rig is drawn with its tolerances as sigmas. The cam (`outline`) and the
-hexagon were used in development, with other seeds; the plectrum was not.
+A carriage brings the antenna to an object on a table, from all sides. Every push is one rendered
+image, from which `exact_fit` estimates the contact and the direction of the force. The readings of
+the carriage and of the motor place these on the table, and `python -m solver outline` fits the
+boundary of a convex region to them. The rig is drawn with its tolerances as sigmas. The cam
+(`outline`) and the hexagon were used in development, with other seeds; the plectrum was not.
 
 `{command}`
 

@@ -4,7 +4,6 @@ import csv
 import json
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
+from solver.instrument.safe_path import PYTHON
 from solver.lab.writing import write
 from vbaa_bench.benchmarks.photographs.folder import rig_name
 
@@ -57,7 +57,7 @@ def solve(number: int, work: Path) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder, out = Path(scratch) / "photographs", Path(scratch) / "estimates.csv"
         shutil.copytree(work / "rigs" / name, folder)
-        command = [sys.executable, "-m", "solver", "photos", str(folder), "--out", str(out)]
+        command = [*PYTHON, "-m", "solver", "photos", str(folder), "--out", str(out)]
         start = time.monotonic()
         try:
             child = subprocess.run(

@@ -75,7 +75,7 @@ def markdown(
     rows = "\n".join(f"| {' | '.join(row)} |" for row in table)
     outcomes = sorted({one.outcome for one in solved})
     counts = ", ".join(f"{sum(o.outcome == name for o in solved)} {name}" for name in outcomes)
-    return f"""# Photographs of a beam with hung weights
+    return f"""# Rendered photographs of a beam with hung weights
 
 A laboratory has a round beam of wood, carbon or aluminium, a clamp and a phone. It takes eight to
 ten photographs of the beam, each from another pose: two at rest, the others with a weight that

@@ -1,7 +1,6 @@
 """Drawn rigs: a scene with another seed, another camera mount and a few random pushes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -48,7 +47,7 @@ def drawn_rig(file: SceneFile, seed: int, number: int, frames: int) -> SceneFile
     if scene.sensor.bits != 8:
         message = f"is {scene.sensor.bits}, allowed is 8: videos and JPEG have 8 bits"
         raise InputError(file.message_at(("sensor", "bits"), message))
-    return replace(file, scene=Scene.model_validate(scene.model_dump() | _as_dict(update)))
+    return file.with_scene(Scene.model_validate(scene.model_dump() | _as_dict(update)))
 
 
 def render(

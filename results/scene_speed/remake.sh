@@ -1,0 +1,1 @@
+vbaa-bench speed scenes scenes --limit 60 --out "$OUT"

@@ -1,0 +1,196 @@
+"""Figures of the README's tables against the committed results that they were made from."""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from itertools import starmap
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+import pytest
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "results"
+# Frames of a push of Fig. 11.
+STEPS = 7
+
+
+class Figure(NamedTuple):
+    """A figure as the README writes it, and its value in the results."""
+
+    text: str
+    value: float
+
+
+class Table(NamedTuple):
+    """A table: its first head with a text, whether a column holds figures only, and its rows."""
+
+    head: str
+    numeric: bool
+    rows: list[list[str]]
+
+
+def tables(text: str) -> list[Table]:
+    """Tables of a Markdown page."""
+    found = []
+    for block in re.findall(r"(?:^\|.*\|$\n?)+", text, re.MULTILINE):
+        heads, rule, *rows = [
+            [cell.strip() for cell in line.strip().strip("|").split("|")]
+            for line in block.strip().splitlines()
+        ]
+        found.append(Table(heads[0] or heads[1], any(cell.endswith(":") for cell in rule), rows))
+    return found
+
+
+def numbers(text: str) -> list[str]:
+    """Numbers of a cell, as they are written."""
+    return re.findall(r"\d[\d,]*(?:\.\d+)?", text)
+
+
+def agrees(figure: Figure) -> bool:
+    """Whether a figure is its value, rounded to the last place that is written."""
+    written = figure.text.replace(",", "")
+    unit = 10.0 ** -len(written.partition(".")[2])
+    return abs(float(written) - figure.value) <= 0.5 * unit * (1 + 1e-9)
+
+
+def named(cell: str) -> str:
+    return cell.strip("`")
+
+
+def scores(scene: str, method: str) -> dict[str, Any]:
+    """Figures of a method in a scene, from the table of all scenes."""
+    table = pl.read_csv(RESULTS / "scores" / "scores.csv", infer_schema_length=None)
+    return table.row(
+        by_predicate=(pl.col("scene") == scene) & (pl.col("method") == method), named=True
+    )
+
+
+def frames(scene: str, method: str) -> pl.DataFrame:
+    """Errors of every frame of a method, from a baseline."""
+    path = RESULTS / "baselines" / f"{scene}.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    return pl.DataFrame({**document["frames"], **document["methods"][method]})
+
+
+def rms(errors: pl.Series) -> float:
+    return float(np.sqrt(np.mean(errors.drop_nulls().to_numpy() ** 2)))
+
+
+def figures(cell: str, *values: float) -> Iterator[Figure]:
+    """Figures of a cell, in order, with their values."""
+    return starmap(Figure, zip(numbers(cell), values, strict=True))
+
+
+def of_fig8(row: list[str]) -> Iterator[Figure]:
+    """Median, RMSE at three deflections, RMSE over limit, force and time on the paper's rig."""
+    path = RESULTS / "fig8_rigid" / "summary.json"
+    method = named(row[0])
+    values = json.loads(path.read_text(encoding="utf-8"))["methods"][method]
+    rows = frames("fig8_rigid", method)
+    by_push = [rms(rows.filter(push=push)["x_c_error_pct_L"]) for push in ("5 %", "10 %", "20 %")]
+    yield from figures(row[1], values["x_c_median_abs_pct_L"])
+    yield from figures(row[2], *by_push)
+    yield from figures(row[3], values["x_c_rmse_over_limit"])
+    yield from figures(row[4], values["force_rmse_pct"])
+    yield from figures(row[5], values["ms_per_frame_median"])
+
+
+def of_experiment(row: list[str]) -> Iterator[Figure]:
+    """RMSE of x_c and further figures of the paper's other experiments."""
+    method = named(row[1])
+    if row[0].startswith("Fig. 13"):
+        hidden = frames("fig13_occlusion", method).filter(
+            pl.col("hidden_place") != "tip", availability_asked=0.35
+        )
+        yield from figures(row[2], rms(hidden["x_c_error_pct_L"]))
+        yield from figures(row[3], hidden["x_c_error_pct_L"].count(), hidden.height)
+    elif row[0].startswith("Fig. 11"):
+        pushes = frames("fig11_stiffness", method)
+        ends = pushes.filter(pl.col("trial") % STEPS == STEPS - 1)
+        # The compliance of classes of springs is in no committed file.
+        yield from figures(row[2], rms(ends["x_c_error_pct_L"]))
+    elif row[0].startswith(("Fig. 9", "Fig. 6")):
+        scene = "fig9_knife_edge" if row[0].startswith("Fig. 9") else "fig6_unknown_psi"
+        values = scores(scene, method)
+        yield from figures(row[2], values["x_c_rmse_pct_L"])
+        yield from figures(row[3], values["psi_rmse_deg"], values["force_rmse_pct"])
+    elif row[0].startswith("Section III-A"):
+        values = scores("camera_fixed", method)
+        yield from figures(row[2], values["x_c_rmse_pct_L"])
+        yield from figures(row[3], 1e3 * values["motor_angle_rmse_deg"])
+    elif row[0].startswith("Fig. 14"):
+        values = scores("fig14_micro", method)
+        yield from figures(row[2], values["x_c_rmse_pct_L"])
+        yield from figures(row[3], values["force_rmse_pct"])
+
+
+def of_hard_scene(row: list[str]) -> Iterator[Figure]:
+    """Figures of a scene that violates an assumption; its outcomes are compared as counts."""
+    values = scores(named(row[0]), named(row[1]))
+    columns = (
+        "x_c_rmse_pct_L",
+        "x_c_rmse_over_limit",
+        "force_rmse_pct",
+        "x_c_within_3_sigma_pct",
+        "x_c_sigma_over_rmse",
+        "consistent_pct",
+    )
+    for cell, name in zip(row[2:8], columns, strict=True):
+        if cell == "–":
+            assert values[name] is None, f"{row[0]}: {name}"
+        else:
+            yield Figure(cell, values[name])
+    assert row[8] == values["outcomes"], row[0]
+
+
+def of_outline(row: list[str]) -> Iterator[Figure]:
+    """Distances and shares of an object, from the page of the outlines."""
+    scene = {"cam": "outline"}.get(row[0], f"outline_{row[0].partition(',')[0]}")
+    (page,) = (
+        table for table in tables((RESULTS / "outline" / "README.md").read_text(encoding="utf-8"))
+    )
+    (values,) = (one for one in page.rows if (named(one[0]), one[1]) == (scene, row[1]))
+    texts = [*numbers(row[2]), row[3], row[4]]
+    yield from map(Figure, texts, (float(values[k]) for k in (2, 3, 4, 6)))
+
+
+SOURCES: dict[str, Callable[[list[str]], Iterator[Figure]]] = {
+    "median error of x_c": of_fig8,
+    "experiment": of_experiment,
+    "scene": of_hard_scene,
+    "object": of_outline,
+}
+# Tables of measured figures of which no committed file holds the values.
+WITHOUT_SOURCE = {
+    "perturbation of the images or of `rig.json`": "`stress` prints its table",
+}
+# Experiments of which no committed file holds the values.
+EXPERIMENTS_WITHOUT_SOURCE = ("Free beam", "First degree")
+README = tables((ROOT / "README.md").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("head", SOURCES)
+def test_figures_of_the_readme_are_those_of_the_results(head: str) -> None:
+    (table,) = (one for one in README if one.head == head)
+    wrong = []
+    for row in table.rows:
+        listed = list(SOURCES[head](row))
+        assert listed or row[0].startswith(EXPERIMENTS_WITHOUT_SOURCE), row[0]
+        wrong += [(row[:2], *figure) for figure in listed if not agrees(figure)]
+    assert wrong == []
+
+
+def test_every_table_of_figures_has_a_source_or_a_reason_why_not() -> None:
+    measured = {table.head for table in README if table.numeric}
+    assert measured <= SOURCES.keys() | WITHOUT_SOURCE.keys()
+
+
+def test_a_figure_agrees_if_it_is_the_rounded_value() -> None:
+    assert agrees(Figure("0.0082", 0.00820704))
+    assert agrees(Figure("282", 281.53))
+    assert agrees(Figure("1,275", 1275.2))
+    assert not agrees(Figure("0.0082", 0.00826))
+    assert not agrees(Figure("16", 16.588))
