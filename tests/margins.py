@@ -156,7 +156,7 @@ class Recorder:
             return
         try:
             pairs = list(wanted._yield_comparisons(actual))
-        except (AttributeError, TypeError):
+        except (AttributeError, NotImplementedError, TypeError):
             pairs = [(actual, wanted.expected)]
         ratios = []
         for a, expected in pairs:
