@@ -126,11 +126,10 @@ def test_margins_are_standard_deviations_of_the_normal_distribution(
 
 def test_failures_come_first_and_derived_rates_are_not_measured() -> None:
     def line(
-        test: str, low: float, failed: bool = False, derived: bool = False
+        test: str, low: float, failed: bool = False, derived: tuple[float, str] | None = None
     ) -> dict[str, object]:
-        rate = (1e-6, "binomial") if derived else None
         closest = {"a.py:1:0": Closest("plain", low, 1.0, 1)}
-        return {"test": test, "failed": failed, "false_alarm": rate, "closest": closest}
+        return {"test": test, "failed": failed, "false_alarm": derived, "closest": closest}
 
     runs = [
         [
