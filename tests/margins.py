@@ -107,10 +107,12 @@ class Recorder:
             low, high = np.broadcast_arrays(np.asarray(low, float), np.asarray(high, float))
         except (TypeError, ValueError):
             return  # no numbers
+        finite = np.isfinite(low) & np.isfinite(high)
+        low, high = low[finite], high[finite]
         if low.size == 0:
             return
         slack = 1.0 - np.abs(low) if kind == "signed" else _slack(low, high)
-        at = np.unravel_index(np.argmin(slack), slack.shape)
+        at = np.argmin(slack)
         new, old = Closest(kind, float(low[at]), float(high[at]), low.size), self.closest.get(where)
         compared = new.compared + (0 if old is None else old.compared)
         nearer = new if old is None or new.slack < old.slack else old
@@ -141,7 +143,8 @@ class Recorder:
         magnitude, signed, is_magnitude = low
         try:
             if is_magnitude and not np.iscomplexobj(signed) and (np.asarray(high[0]) > 0).all():
-                self.add(where, "signed", np.asarray(signed) / np.asarray(high[0]), 1.0)
+                with np.errstate(invalid="ignore", over="ignore"):
+                    self.add(where, "signed", np.asarray(signed) / np.asarray(high[0]), 1.0)
             else:
                 self.add(where, "plain", magnitude, high[0])
         except TypeError:
@@ -151,14 +154,16 @@ class Recorder:
         actual, wanted = (left, right) if hasattr(right, "_approx_scalar") else (right, left)
         if not hasattr(wanted, "_approx_scalar"):
             return
-        expected = getattr(wanted, "tolerance", None)
-        if expected is not None:  # a single number
-            pairs = [(actual, wanted)]
-        else:
-            pairs = [(a, wanted._approx_scalar(e)) for a, e in wanted._yield_comparisons(actual)]
-        for a, one in pairs:
-            if isinstance(a, (int, float, np.number)) and one.tolerance > 0:
-                self.add(where, "signed", (float(a) - one.expected) / one.tolerance, 1.0)
+        try:
+            pairs = list(wanted._yield_comparisons(actual))
+        except (AttributeError, NotImplementedError, TypeError):
+            pairs = [(actual, wanted.expected)]
+        ratios = []
+        for a, expected in pairs:
+            if all(isinstance(x, (int, float, np.integer, np.floating)) for x in (a, expected)):
+                tolerance = wanted._approx_scalar(expected).tolerance
+                ratios += [(float(a) - float(expected)) / tolerance] if tolerance > 0 else []
+        self.add(where, "signed", ratios, 1.0)
 
     def assert_allclose(
         self, actual: Any, desired: Any, rtol: float = 1e-7, atol: float = 0.0, **others: Any
@@ -166,10 +171,10 @@ class Recorder:
         """Assert as NumPy does, and record."""
         caller = sys._getframe(1)
         limit = atol + rtol * np.abs(np.asarray(desired, float))
-        if (limit > 0).all():
+        with np.errstate(invalid="ignore", divide="ignore"):
             error = (np.asarray(actual, float) - np.asarray(desired, float)) / limit
-            where = f"{Path(caller.f_code.co_filename).relative_to(ROOT)}:{caller.f_lineno}"
-            self.add(where, "signed", error, 1.0)
+        where = f"{Path(caller.f_code.co_filename).relative_to(ROOT)}:{caller.f_lineno}"
+        self.add(where, "signed", error, 1.0)
         _ALLCLOSE(actual, desired, rtol=rtol, atol=atol, **others)
 
     def pytest_collection_modifyitems(

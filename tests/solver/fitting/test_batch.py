@@ -82,7 +82,7 @@ def test_two_fifths_of_gross_outliers_cost_little_more_than_their_points(
     random: np.random.Generator,
 ) -> None:
     points, x_c, force = pushed_points(0.15, 0.1)
-    frames = noisy(points, 1000)
+    frames = noisy(points, 700)
     off = random.random(frames.shape[:2]) < 0.4
     frames[off, 1] += random.uniform(-5e-3, 5e-3, int(off.sum()))
     batch = fitted(frames)
@@ -93,7 +93,7 @@ def test_two_fifths_of_gross_outliers_cost_little_more_than_their_points(
         1.0 < np.sqrt(np.mean(error[:, 0] ** 2)) / bound < 1.5
     )  # 1.29 by the points that are lost
     nees = np.mean([e @ np.linalg.solve(c, e) for e, c in zip(error, stated, strict=True)])
-    assert 1.6 < nees < 2.4  # 2 +- 0.06
+    assert 1.6 < nees < 2.4  # 2 +- 0.08
 
 
 def test_one_frame_alone_gets_the_same_answer() -> None:

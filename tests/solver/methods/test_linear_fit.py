@@ -54,7 +54,7 @@ def test_its_covariance_is_honest(
     y, load = linear_beam(x_c)
     squares = []
     names = ["x_c_m", "force_n", "contact_antenna_y_m"]
-    for _ in range(500):
+    for _ in range(300):
         dx, dy, tilt = base_sigma * random.standard_normal(3) * [1, 1, 10]
         true = [x_c, 6 * EI * load, 2 * load * x_c**3 + dy + tilt * x_c]
         y = load * unit_deflection(X - dx, x_c) + dy + tilt * X
@@ -72,7 +72,7 @@ def test_its_covariance_is_honest(
 
 def test_chi2_has_the_stated_degrees_of_freedom(random: np.random.Generator) -> None:
     """The mean of chi2 over white noise is the number of degrees of freedom."""
-    base_sigma, trials = 2e-5, 2000
+    base_sigma, trials = 2e-5, 1500
     x = np.linspace(0.02, 0.23, 9)
     load = 0.024 / float(unit_deflection(0.24, 0.12))
     total, dof = 0.0, 0
@@ -84,7 +84,7 @@ def test_chi2_has_the_stated_degrees_of_freedom(random: np.random.Generator) -> 
         assert estimate.chi2 is not None
         assert estimate.dof is not None
         total, dof = total + estimate.chi2, estimate.dof
-    assert total / trials == pytest.approx(dof, abs=0.5)  # 7 +- 0.08
+    assert total / trials == pytest.approx(dof, abs=0.5)  # 7 +- 0.1
 
 
 def test_the_rigs_tolerances_enter_the_covariance() -> None:

@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from solver.instrument.arrays import Floats
 from tests.draws import generator
 from vbaa_bench.regression.swaps import FALSE_ALARM, Changes, swap_test
 
 TABLES = 200
+# More alarms than these are raised once in a million runs.
+MOST = binom.isf(1e-6, TABLES, FALSE_ALARM)
+RARELY = pytest.mark.false_alarm(2e-6, "binomial quantile of 200 tables at the stated rate")
 
 
 def unshared(pushes: Floats) -> Changes:
@@ -22,6 +26,7 @@ def alarms(tables: list[Changes]) -> int:
     )
 
 
+@RARELY
 @pytest.mark.parametrize("pushes", [9, 60])
 def test_a_whole_table_of_correlated_heavy_tails_rarely_alarms(
     pushes: int, random: np.random.Generator
@@ -32,9 +37,10 @@ def test_a_whole_table_of_correlated_heavy_tails_rarely_alarms(
         d += 0.3 * random.standard_t(2, size=d.shape)
         d[random.random(d.shape) < 0.2] = np.nan  # not every push is in every stratum
         tables.append(unshared(d))
-    assert alarms(tables) <= 5
+    assert alarms(tables) <= MOST
 
 
+@RARELY
 def test_what_all_pushes_share_is_no_alarm_if_it_is_stated(random: np.random.Generator) -> None:
     shared, cells = 0.5, 6
     drawn = [
@@ -42,7 +48,7 @@ def test_what_all_pushes_share_is_no_alarm_if_it_is_stated(random: np.random.Gen
         for _ in range(TABLES)
     ]
     stated = [Changes(d, np.full(cells, shared), np.arange(cells)) for d in drawn]
-    assert alarms(stated) <= 5
+    assert alarms(stated) <= MOST
     assert alarms([unshared(d) for d in drawn]) > TABLES / 2
 
 

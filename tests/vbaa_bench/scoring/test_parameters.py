@@ -161,8 +161,10 @@ def test_intervals_contain_the_expected_figures(gaussian: np.ndarray) -> None:
     figures = of(parameter_rows(scored(answers, separate(400), table)), "x_c_mm")[ALL]
     expected = {"rmse": 0.1, "rmse_over_limit": 1, "coverage_68": 0.683, "coverage_95": 0.95}
     for name, value in {**expected, "bias": 0, "bias_over_limit": 0, "nees": 1}.items():
-        assert figures[f"{name}_low"] < figures[name] < figures[f"{name}_high"]
-        assert figures[f"{name}_low"] < value < figures[f"{name}_high"]
+        low, high = figures[f"{name}_low"], figures[f"{name}_high"]
+        assert low < figures[name] < high
+        # 1.96 standard deviations to either side; three times as much is exceeded once in 10^8.
+        assert 2 * low - high < value < 2 * high - low
     # The relative standard error of an RMSE of n Gaussian errors: 1 / sqrt(2 n).
     width = figures["rmse_over_limit_high"] - figures["rmse_over_limit_low"]
     assert width == pytest.approx(2 * 1.96 / np.sqrt(800), rel=0.15)
