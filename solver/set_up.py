@@ -63,6 +63,8 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
             "check that rig.json describes the board in the views, and that "
             f"{rig.distortion_coefficients} coefficients describe the lens's distortion"
         )
+        if calibration.stretch is not None and calibration.stretch.is_significant:
+            advice = calibration.stretch.sentence
         if _overexposed(next(observations.read_board_views())):
             advice = "the board is overexposed, so that its white squares look larger than they are"
         raise InputError(

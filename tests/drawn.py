@@ -12,6 +12,10 @@ from solver.instrument.transforms import invert, rigid
 WHITE, BLACK = 0.7, 0.04
 
 
+class OldCharuco(Charuco):
+    """A board as OpenCV drew it before version 4.6."""
+
+
 def drawn(
     board: Board,
     camera: Camera,
@@ -113,4 +117,5 @@ def _charuco_print(board: Charuco) -> npt.NDArray[np.uint8]:
     )
     size = (board.columns + 1, board.rows + 1)
     printed = cv2.aruco.CharucoBoard(size, 1.0, 0.6, dictionary)
+    printed.setLegacyPattern(isinstance(board, OldCharuco))
     return np.asarray(printed.generateImage((size[0] * 10, size[1] * 10)), dtype=np.uint8)

@@ -2,9 +2,10 @@
 
 import os
 import signal
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,25 +14,44 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.scene.frames import FrameName
 
+if TYPE_CHECKING:
+    from vbaa_bench.generation.collection import RigResult
+
 FATAL_NUMBER = 3
 KILLED_NUMBER = 4
+FATAL_IMAGE = "calibration/view_07.png"
+KILLED_IMAGE = "rest/rest_00.png"
+
+
+class Metered(NamedTuple):
+    """In the place of a MeteringRecord, without the renderer."""
+
+    metering: SimpleNamespace
+    failed: Mapping[str, str]
+
+    def encoded(self) -> bytes:
+        return b"{}"
 
 
 class PoisonedWorker:
-    """Its process dies in metering at frame 1, at another frame always, and at a third once."""
+    """Its process dies in metering at frame 1, at another frame always, and at two images once."""
 
     def __init__(self, root: Path) -> None:
         self.layout = Layout(root)
 
-    def meter(self, tick: Callable[[], None], given_up: Collection[str]) -> SimpleNamespace:
+    def meter(self, tick: Callable[[], None], given_up: Mapping[str, str]) -> Metered:
         with aside(self.layout, "meter") as own:
             if "frame 1" not in given_up:
                 own.begin("frame 1")
                 os.kill(os.getpid(), signal.SIGKILL)
         tick()
-        return SimpleNamespace(exposure=2.0)
+        return Metered(SimpleNamespace(exposure=2.0), given_up)
 
     def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
+        with aside(self.layout, Path(name).stem) as own:
+            own.begin_image(name)
+            if name == FATAL_IMAGE or (name == KILLED_IMAGE and self._is_first(name)):
+                os.kill(os.getpid(), signal.SIGKILL)
         tick()
         return f"{name} at {exposure}"
 
@@ -56,7 +76,31 @@ class PoisonedWorker:
         return SimpleNamespace(digests=writer.digests, failed=writer.failed)
 
     def _die_at(self, name: FrameName) -> None:
-        once = self.layout.root / "killed once"
-        if name.number == FATAL_NUMBER or (name.number == KILLED_NUMBER and not once.exists()):
-            once.touch()
+        if name.number == FATAL_NUMBER or (
+            name.number == KILLED_NUMBER and self._is_first(name.frame_id)
+        ):
             os.kill(os.getpid(), signal.SIGKILL)
+
+    def _is_first(self, name: str) -> bool:
+        """Test whether this is the first attempt to render an image."""
+        once = self.layout.root / f"killed once at {Path(name).name}"
+        is_first = not once.exists()
+        once.touch()
+        return is_first
+
+
+class PoisonedRigs:
+    """A generator of rigs; its process dies at an image of rig 1."""
+
+    def __init__(self, *_: object) -> None: ...
+
+    def rig(
+        self, _tick: Callable[[], None], number: int, root: Path, _given_up: object
+    ) -> "RigResult":
+        with aside(Layout(root), "meter") as own:
+            own.begin_image("the board")
+            if number == 1:
+                os.kill(os.getpid(), signal.SIGKILL)
+        from vbaa_bench.generation.collection import RigResult  # imports the renderer
+
+        return RigResult(number, {"rig": str(number), "reason": None}, "")

@@ -149,7 +149,8 @@ def _check_direction(
             raise InputError(
                 "the beam's free end is at the clamp's position in rig.json: the rig's x axis "
                 f"runs from the clamp to the tip, so turn {key} by 180 degrees about z and "
-                "correct board.antenna_from_board_translation_mm"
+                "correct board.antenna_from_board_translation_mm; or the images are mirrored, "
+                "which a board without markers does not show: switch that off in the camera"
             )
 
 

@@ -4,6 +4,7 @@ OpenCV's own result is only the start: it stops where its steps become small, up
 off in focal length (its issue 22031), and it gives no joint covariance of intrinsics and pose.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from solver.calibrate.board_detection import BoardDetection
-from solver.calibrate.calibration import Calibration, determined
+from solver.calibrate.calibration import Calibration, Stretch, determined
 from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board
@@ -26,6 +27,9 @@ _TOLERANCE: Final = 1e-14
 # corner's error of this size. Without it a rational lens's k1 and k4 may diverge together, nearly
 # cancelling each other.
 _PRIOR_PX: Final = 0.02
+# Steps of the board's stretch, each with a new fit, and their largest size, up to which they are
+# nearly linear. Chosen.
+_STRETCH_STEPS, _LARGEST_STRETCH_STEP = 5, 0.02
 
 
 def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -> Calibration:
@@ -58,8 +62,26 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
     point_count = sum(map(len, bundle.seen))
     residuals = fit.fun[: 2 * point_count]
     return Calibration(
-        camera, float(np.sqrt(residuals @ residuals / point_count)), bundle.covariance(fit)
+        camera,
+        float(np.sqrt(residuals @ residuals / point_count)),
+        bundle.covariance(fit),
+        stretch=_stretch(bundle, fit, width, height),
     )
+
+
+def _stretch(bundle: "Bundle", fit: Any, width: int, height: int) -> Stretch:
+    """Estimate how much taller than wide the board is printed, which the model leaves out.
+
+    The first step is linear; where it is significant, the camera is fitted anew for each next step.
+    """
+    step, total = bundle.stretch(fit), 0.0
+    for _ in range(_STRETCH_STEPS):
+        if not step.is_significant:
+            break
+        total += min(max(step.value, -_LARGEST_STRETCH_STEP), _LARGEST_STRETCH_STEP)
+        stretched = bundle.stretched(total)
+        step = stretched.stretch(stretched.fit(stretched.start(width, height)))
+    return Stretch(total + step.value, step.sigma)
 
 
 def _adjust_bundle(
@@ -70,16 +92,7 @@ def _adjust_bundle(
     Raises InputError if the views do not determine the camera.
     """
     bundle = Bundle(rig.board, detections, rig.distortion_coefficients)
-    fit: Any = least_squares(
-        bundle.residuals,
-        determined(bundle.start(width, height)),
-        bundle.jacobian,
-        method="lm",
-        x_scale="jac",
-        xtol=_TOLERANCE,
-        ftol=_TOLERANCE,
-        gtol=_TOLERANCE,
-    )
+    fit = bundle.fit(determined(bundle.start(width, height)))
     determined(fit.x)
     return bundle, fit
 
@@ -106,6 +119,43 @@ class Bundle:
         corners = board.corners()
         self.board, self.seen, self.lens = board, seen, 3 + coefficients
         self.points = [corners[detection.numbers] for detection in seen]
+
+    def fit(self, start: Floats) -> Any:
+        """Minimise the residuals from `start`; return the least-squares result."""
+        return least_squares(
+            self.residuals,
+            start,
+            self.jacobian,
+            method="lm",
+            x_scale="jac",
+            xtol=_TOLERANCE,
+            ftol=_TOLERANCE,
+            gtol=_TOLERANCE,
+        )
+
+    def stretched(self, stretch: float) -> "Bundle":
+        """Return the bundle of a board whose squares are taller than wide by `stretch`."""
+        bundle = Bundle(self.board, self.seen, self.lens - 3)
+        bundle.points = [points * [1.0, 1.0 + stretch, 1.0] for points in bundle.points]
+        return bundle
+
+    def stretch(self, found: Any) -> Stretch:
+        """Estimate a further stretch of the board by one linear step from a fit."""
+        column = np.zeros(len(found.fun))
+        row = 0
+        for view, points in enumerate(self.points):
+            derivatives = self._projected(found.x, view)[1]
+            rotation = cv2.Rodrigues(self.pose(found.x, view)[0])[0]
+            up = derivatives[:, 3:6] @ rotation[:, 1]
+            column[row : row + 2 * len(points)] = up * np.repeat(points[:, 1], 2)
+            row += 2 * len(points)
+        # What the camera cannot imitate of it.
+        column -= found.jac @ np.linalg.lstsq(found.jac, column, rcond=None)[0]
+        information = float(column @ column)
+        value = -float(column @ found.fun) / information
+        left = found.fun + value * column
+        variance = self._variance(left[: 2 * sum(map(len, self.seen))], len(found.x) + 1)
+        return Stretch(value, math.sqrt(variance / information))
 
     def start(self, width: int, height: int) -> Floats:
         """Compute OpenCV's estimate for a lens without distortion, or with k1 and k2 only."""
@@ -180,16 +230,17 @@ class Bundle:
         of neighbours on the board with a common error.
         """
         residuals = found.fun[: 2 * sum(map(len, self.seen))]
-        variance = (
-            (residuals @ residuals)
-            / (len(residuals) - len(found.x))
-            * self._correlated_points(residuals)
-        )
+        variance = self._variance(residuals, len(found.x))
         size = self.lens + 6
         inverse = np.linalg.inv(found.jac.T @ found.jac)[:size, :size]
         transform = np.eye(size)
         transform[self.lens : -3, self.lens : -3] = _rotation_jacobian(self.pose(found.x, 0)[0])
         return np.asarray(transform @ inverse @ transform.T * variance)
+
+    def _variance(self, residuals: Floats, parameters: int) -> float:
+        """Compute the residuals' variance [px^2] per independent point."""
+        variance = float(residuals @ residuals) / (len(residuals) - parameters)
+        return variance * self._correlated_points(residuals)
 
     def _correlated_points(self, residuals: Floats) -> float:
         """Estimate the number of points with a common error, by autocorrelation on the board.

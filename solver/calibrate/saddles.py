@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 
 from solver.calibrate.board_detection import BoardDetection
+from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import Charuco, Chessboard
+from solver.instrument.errors import InputError
 from solver.instrument.images import eight_bit
 
 BLUR_PX: Final = 1.5
@@ -66,19 +68,41 @@ def _upright(view: Grey, corners: Floats) -> Floats:
 
 
 def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
-    """Detect corners beside readable markers; return None if there are none."""
-    name = f"DICT_{board.dictionary.upper()}"
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-    aruco_board = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), 1.0, 0.6, dictionary)
+    """Detect corners beside readable markers; return None if there are none.
+
+    OpenCV before 4.6 printed boards with an even number of rows of squares in other colours: the
+    upper left square was white. They are tried where the board of today is not found. Raises
+    InputError if the markers are mirrored.
+    """
     # At twice the size, marker bits of two pixels are readable.
     enlarged = cv2.resize(eight_bit(view), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    corners, numbers, _, _ = cv2.aruco.CharucoDetector(aruco_board).detectBoard(enlarged)
-    if numbers is None or len(numbers) == 0:
+    detection = _marked_corners(enlarged, board)
+    if detection is None:
+        mirrored = _marked_corners(np.ascontiguousarray(enlarged[:, ::-1]), board)
+        if mirrored is not None and len(mirrored) >= LIMITS.min_target_points:
+            raise InputError(
+                "the images are mirrored: the board's markers can be read only in their mirror "
+                "image; switch the mirroring off in the camera, and take all images again"
+            )
         return None
-    order = np.argsort(numbers.ravel())
-    pixels = (corners.reshape(-1, 2)[order] - 0.5) / 2
-    detection = BoardDetection(numbers.ravel()[order].astype(np.int64), pixels)
     return _refine(view, detection, board, _SEARCH_BETWEEN_MARKERS)
+
+
+def _marked_corners(enlarged: Grey, board: Charuco) -> BoardDetection | None:
+    """Detect a board, of either layout, in a view of twice the size (height, width)."""
+    dictionary = cv2.aruco.getPredefinedDictionary(
+        getattr(cv2.aruco, f"DICT_{board.dictionary.upper()}")
+    )
+    size = (board.columns + 1, board.rows + 1)
+    for legacy in (False, True):
+        aruco_board = cv2.aruco.CharucoBoard(size, 1.0, 0.6, dictionary)
+        aruco_board.setLegacyPattern(legacy)
+        corners, numbers, _, _ = cv2.aruco.CharucoDetector(aruco_board).detectBoard(enlarged)
+        if numbers is not None and len(numbers) > 0:
+            order = np.argsort(numbers.ravel())
+            pixels = (corners.reshape(-1, 2)[order] - 0.5) / 2
+            return BoardDetection(numbers.ravel()[order].astype(np.int64), pixels)
+    return None
 
 
 def _refine(

@@ -30,6 +30,10 @@ class CalibrationThresholds(NamedTuple):
     # A point's error over the median error, above which it is an outlier. Derived: noise alone
     # exceeds it in one point of 100 000.
     outlier_ratio: float = 4.0
+    # Stretch of a printed board, and its sigmas. First, chosen: the focal length errs by up to six
+    # times as much. Second, derived: noise alone exceeds it once in two million.
+    max_stretch: float = 1e-3
+    max_stretch_sigmas: float = 5.0
     # Fewest points of a beam under a hung weight. Chosen.
     min_weight_points: int = 20
     # Largest slope [rad] under a hung weight. Chosen: on a steeper beam, x no longer determines the

@@ -22,6 +22,10 @@ class InputError(Exception):
         super().__init__(printable(message))
 
 
+class IncompleteError(InputError):
+    """Error for a source of images that ends too early: what it gave was used, the exit is 1."""
+
+
 class DamageError(InputError):
     """Error for a file of a generated dataset that is missing, or is not what was written."""
 

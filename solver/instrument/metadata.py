@@ -10,16 +10,14 @@ moment of the clamp on the beam, in Sigma_a), carriage_x_mm, carriage_y_mm and c
 carriage_turn_sigma_deg.
 """
 
-import csv
-import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from solver.instrument.csv_table import CsvRow, csv_rows
 from solver.instrument.errors import InputError, quoted, truncated
-from solver.instrument.hashes import read_bytes
 from solver.instrument.image_frame import Carriage, ImageFrame, Readings
 from solver.instrument.units import DEGREE, MILLIMETRE
 
@@ -30,20 +28,15 @@ MAX_NAME_LENGTH: Final = 250
 def read_frames(table: Path) -> Iterator[ImageFrame]:
     """Read the frames of a metadata.csv, which is in the folder of their images.
 
-    Columns are separated by commas or, as written by some versions of Excel, by semicolons.
-    Raises InputError.
+    It is any table that `csv_rows` reads. Raises InputError.
     """
-    try:
-        text = read_bytes(table).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{table}: cannot be read as UTF-8 text ({error})") from error
-    for line, row in _rows(table, text):
-        cells = _Cells(f"{table}:{line}", row)
+    for row in csv_rows(table):
+        cells = _Cells(f"{table}:{row.line}", row)
         path = cells.image(table.parent)
         removed = cells.numbers("removed_from_mm", "removed_to_mm")
         if removed is not None and removed[0] > removed[1]:
             raise InputError(
-                f"{table}:{line}: removed_from_mm is {removed[0]:g} and removed_to_mm "
+                f"{cells.where}: removed_from_mm is {removed[0]:g} and removed_to_mm "
                 f"{removed[1]:g}, allowed is from low to high"
             )
         force = cells.numbers(*(f"base_force_{axis}_n" for axis in "xyz"))
@@ -70,28 +63,16 @@ def read_frames(table: Path) -> Iterator[ImageFrame]:
         )
 
 
-def _rows(table: Path, text: str) -> Iterator[tuple[int, dict[str, str | None]]]:
-    """Yield each row with its line number."""
-    head = text.partition("\n")[0]
-    separator = ";" if ";" in head and "," not in head else ","
-    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator)
-    try:
-        for row in reader:
-            yield reader.line_num, row
-    except csv.Error as error:
-        raise InputError(f"{table}:{reader.line_num + 1}: is not CSV ({error})") from error
-
-
 @dataclass(frozen=True)
 class _Cells:
     """Row of metadata.csv, and its location for messages."""
 
     where: str
-    row: dict[str, str | None]
+    row: CsvRow
 
     def image(self, folder: Path) -> Path:
         """Return the path of the row's image, which is in `folder` or a subfolder."""
-        value = self.row.get("file_name")
+        value = self.row.cells.get("file_name")
         if not value:
             raise InputError(f"{self.where}: file_name is missing")
         path = Path(value)
@@ -137,7 +118,7 @@ class _Cells:
 
     def name(self, column: str) -> str:
         """Read a short text; return an empty one if there is none."""
-        value = self.row.get(column) or ""
+        value = self.row.cells.get(column, "")
         if len(value) > MAX_NAME_LENGTH:
             raise InputError(
                 f"{self.where}: {column} has {len(value)} characters, allowed are {MAX_NAME_LENGTH}"
@@ -153,18 +134,19 @@ class _Cells:
 
     def numbers(self, *names: str) -> list[float] | None:
         """Read finite numbers from columns that belong together; return None if all are empty."""
-        texts = [self.row.get(name) or "" for name in names]
+        texts = [self.row.cells.get(name, "") for name in names]
         if not any(texts):
             return None
         values = []
         for name, text in zip(names, texts, strict=True):
             try:
-                value = float(text)
-            except ValueError:
+                value = self.row.number(name)
+            except (KeyError, ValueError):
                 value = math.nan
             if not math.isfinite(value):
                 raise InputError(
-                    f"{self.where}: {name} is {quoted(text)}, allowed is a finite number"
+                    f"{self.where}: {name} is {quoted(text)}, allowed is a finite number, with a "
+                    "decimal point"
                 )
             values.append(value)
         return values

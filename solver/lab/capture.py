@@ -8,10 +8,13 @@ from typing import Any, Protocol
 
 import cv2
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import IncompleteError, InputError
 from solver.instrument.images import to_grey
 from solver.lab.shots import Shot
 
+# A video that ends this many frames, and this share of them, before its stated end is cut. Chosen:
+# containers round their duration, and some decoders withhold the last frames.
+MAX_MISSING, MAX_MISSING_SHARE = 2, 0.01
 # Longest wait for a camera that hangs in a read, so that the program can end [s].
 MAX_READ_S = 2.0
 
@@ -30,7 +33,10 @@ class Capture(Protocol):
 
 
 class Video:
-    """Source of all frames of a video; no frame is skipped."""
+    """Source of all frames of a video; no frame is skipped.
+
+    Raises IncompleteError after the last frame if the video ends before its stated end.
+    """
 
     live = False
 
@@ -42,7 +48,8 @@ class Video:
         return max(int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
 
     def __iter__(self) -> Iterator[Shot]:
-        number = 0
+        number, stated = 0, len(self)
+        seconds = 0.0
         while True:
             ok, image = self._capture.read()
             if not ok:
@@ -54,6 +61,12 @@ class Video:
         self._capture.release()
         if number == 0:
             raise InputError(f"{self._name}: has no frame that can be decoded")
+        # By time: frames at uneven intervals are not as many as their rate would have them.
+        missing = min(stated - number, stated - round(seconds * self.rate) - 1)
+        if missing > MAX_MISSING + MAX_MISSING_SHARE * stated:
+            raise IncompleteError(
+                f"{self._name}: ends after {number} of {stated} frames: it is cut or damaged"
+            )
 
 
 class CameraStream:

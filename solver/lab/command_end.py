@@ -12,7 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import IncompleteError, InputError
 
 # What a full disk, a quota or a device answers when a command writes to its output.
 _UNWRITABLE: Final = {
@@ -27,7 +27,8 @@ _ENDING: Final = [getattr(signal, name) for name in ("SIGHUP", "SIGTERM") if has
 def run_command(run: Callable[[], object]) -> NoReturn:
     """Run a command line and exit.
 
-    The exit status is 2 for an InputError and for an output that cannot be written, 130 for Ctrl-C,
+    The exit status is 2 for an InputError and for an output that cannot be written, 1 for an input
+    that ends too early, 130 for Ctrl-C,
     and 128 + its number for a signal that asks the process to end, which is otherwise treated as
     Ctrl-C. Characters that the output cannot represent are replaced.
     """
@@ -41,6 +42,9 @@ def run_command(run: Callable[[], object]) -> NoReturn:
                 sys.stdout.flush()
     except KeyboardInterrupt:
         status = 130
+    except IncompleteError as error:
+        _sentence(str(error))
+        status = 1
     except InputError as error:
         status = _sentence(str(error))
     except SystemExit as error:

@@ -24,8 +24,14 @@ class Finding(NamedTuple):
 
 def findings(antenna: Antenna) -> tuple[Finding, ...]:
     """List the contradictions among board views, rest images and rig.json."""
-    checks = (_copies, _left_out, _bent, _scale, _pose, _landmarks)
+    checks = (_stretched, _copies, _left_out, _bent, _scale, _pose, _landmarks)
     return tuple(finding for check in checks for finding in check(antenna))
+
+
+def _stretched(antenna: Antenna) -> Iterator[Finding]:
+    stretch = antenna.calibration.stretch
+    if stretch is not None and stretch.is_significant:
+        yield Finding("board_stretched", stretch.sentence)
 
 
 def _copies(antenna: Antenna) -> Iterator[Finding]:

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from solver.instrument.csv_table import CsvRow, csv_rows
 from solver.instrument.errors import InputError, quoted
-from solver.instrument.hashes import read_bytes
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.outline.contacts import Row
 from solver.outline.fit import Outline
@@ -22,25 +22,19 @@ _TEXTS: Final = ("frame_id", "outcome", "message")
 
 def read_estimates(path: Path) -> list[Row]:
     """Read a CSV that `solve` has written; empty cells are None. Raises InputError."""
-    try:
-        text = read_bytes(path, _MAX_BYTES).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
-    reader = csv.DictReader(io.StringIO(text, newline=""))
+    rows = list(csv_rows(path, _MAX_BYTES))
     for name in ("frame_id", "outcome"):
-        if name not in (reader.fieldnames or ()):
+        if rows and name not in rows[0].cells:
             raise InputError(f"{path}: the column {name} is missing")
-    return [
-        {name: _cell(f"{path}:{reader.line_num}", name, value) for name, value in row.items()}
-        for row in reader
-    ]
+    return [{name: _cell(f"{path}:{row.line}", name, row) for name in row.cells} for row in rows]
 
 
-def _cell(where: str, name: str, value: str | None) -> float | str | None:
+def _cell(where: str, name: str, row: CsvRow) -> float | str | None:
+    value = row.cells[name]
     if not value or name in _TEXTS:
         return value or None
     try:
-        number = float(value)
+        number = row.number(name)
     except ValueError:  # a column of somebody else
         return value
     if not math.isfinite(number):

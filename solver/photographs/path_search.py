@@ -115,7 +115,9 @@ def _likeliest(candidates: list[BeamPath]) -> BeamPath:
     best = max(path.support for path in candidates)
     supported = [path for path in candidates if path.support > best - SUPPORT]
     strongest = max(path.contrast for path in supported)
-    strong = [path for path in supported if path.contrast > CONTRAST * strongest]
+    # The strongest itself as well where an image without a beam leaves a contrast of 0 or less.
+    least = min(CONTRAST * strongest, strongest)
+    strong = [path for path in supported if path.contrast >= least]
     widest = max(strong, key=lambda path: path.width)
     # A width that is a little too large has some contrast as well.
     return max((path for path in strong if _alike(path, widest)), key=lambda path: path.contrast)

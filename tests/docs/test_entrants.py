@@ -36,7 +36,7 @@ def test_the_columns_outcomes_and_information_sets_of_the_page_exist() -> None:
     rows = re.findall(r"^\| (`.*?) \|", PAGE.partition("**Outcomes.**")[0], re.MULTILINE)
     names = [name for row in rows for name in re.findall(r"`([^`<>]+)`", row)]
     assert len(names) > 10
-    texts = {"frame_id", "outcome", "message", "information"}
+    texts = {"frame_id", "outcome", "message", "assumption", "information"}
     assert set(names) <= {*NUMBERS, *texts}
     outcomes = PAGE.partition("**Outcomes.**")[2].partition("**Failures**")[0]
     assert set(re.findall(r'"([^"]+)"', outcomes)) == {str(outcome) for outcome in Outcome}

@@ -230,7 +230,7 @@ def test_a_camera_of_16_bits_or_of_another_mounting_sees_the_same(
     ("change", "sentence"),
     [
         # A mirror; a rotation by any angle is no mistake.
-        (lambda image: image[::-1], "the beam's free end is at the clamp's position"),
+        (lambda image: image[::-1], "or the images are mirrored"),
         (np.zeros_like, "does not show the whole board"),
     ],
 )

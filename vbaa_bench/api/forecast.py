@@ -1,12 +1,14 @@
 """Forecast of the cost of a dataset or a collection, from a short probe."""
 
+import contextlib
 import math
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -18,16 +20,22 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.collection import RigGenerator
 from vbaa_bench.generation.dataset_worker import DatasetWorker
 from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.job import Job
 from vbaa_bench.generation.plan import accepted_rig, plan
 from vbaa_bench.generation.workers import Pool, cores
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 
-# Frames that each worker renders after a first one, in which kernels are compiled. Chosen: takes
-# seconds, and gives a rough estimate of the variation between frames.
-PROBES: Final = 3
+# Frames that each worker renders, of which the first compiles kernels. Chosen: takes seconds, and
+# gives a rough estimate of the variation between frames.
+PROBES: Final = 4
 # Rigs that each worker makes, of which the first compiles kernels. Chosen: takes half a minute.
 PROBED_RIGS: Final = 2
+# Longest time of a probe [s], after which it ends with what has been measured. Chosen: a person
+# waits for as long.
+LIMIT_S: Final = 180.0
+# Longest time [s] of an image in which compilation counts. Chosen: compilation takes less.
+_COMPILATION_S: Final = 20.0
 # Margin on the time for frames that are not probed and for other workers. Chosen.
 _FACTOR: Final = 1.5
 
@@ -38,8 +46,8 @@ class Forecast:
 
     `hours_low` and `hours_high` span the fastest and the slowest probed frame or rig, each widened
     by a factor of 1.5 for those that differ more and for workers that slow each other down. They
-    hold for the machine load during the probe. `memory_gb` is that of all workers together; None if
-    the system does not report it.
+    hold for the machine load during the probe, which took `probe_s`. `memory_gb` is that of all
+    workers together; None if the system does not report it.
     """
 
     rigs: int | None
@@ -52,6 +60,7 @@ class Forecast:
     hours_high: float
     gigabytes: float
     memory_gb: float | None
+    probe_s: float
 
     def record(self) -> dict[str, Any]:
         """Return all fields by name."""
@@ -65,7 +74,7 @@ class Forecast:
             f"of the board and the beam at rest\n"
             f"time:    {_duration(self.hours)} with {self.workers} workers, between "
             f"{_duration(self.hours_low)} and {_duration(self.hours_high)} at the machine load of "
-            f"the probe\n"
+            f"the probe, which took {_duration(self.probe_s / 3600)}\n"
             f"disk:    {_size(self.gigabytes)}, within about 10 %\n"
             f"memory:  {memory} in total, the peak of a probing worker times the number of workers"
         )
@@ -77,11 +86,12 @@ def forecast(
     """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
 
     These frames are rendered, and their time and size are measured, with the same number of workers
-    as for the dataset. This takes seconds. Of a collection, a few whole rigs are made, spread over
-    its numbers. Pushes that are not probed may still be impossible; `generate` checks more of them
-    before it renders, and records the others.
+    as for the dataset. This takes seconds, and LIMIT_S at most: of frames that take minutes, fewer
+    are rendered. Of a collection, a few whole rigs are made, spread over its numbers, or a few
+    frames of the first one if no rig is made in this time. Pushes that are not probed may still be
+    impossible; `generate` checks more of them before it renders, and records the others.
 
-    Raises InputError if a probed push is impossible.
+    Raises InputError if a probed push is impossible, and if no frame is rendered in time.
     """
     chosen_variant = usable_variant(variant)
     count = worker_count(workers, chosen_variant)
@@ -94,8 +104,8 @@ def forecast(
 def _dataset_forecast(file: SceneFile, chosen_variant: str, count: int) -> Forecast:
     frames = Frames(file.scene)
     shards = math.ceil(frames.count / file.scene.frames_per_shard)
-    first, *probes = _spread(frames.count, 1 + PROBES * count)
-    probe = _probe(file, first, probes or [first], chosen_variant, count)
+    start = time.monotonic()
+    probe = _probe(file, _spread(frames.count, PROBES * count), chosen_variant, count)
     images = file.scene.calibration.views + file.scene.sensor.rest_images
 
     def hours(frame_s: float) -> float:
@@ -116,12 +126,14 @@ def _dataset_forecast(file: SceneFile, chosen_variant: str, count: int) -> Forec
         hours_high=hours(max(probe.frames_s)) * _FACTOR,
         gigabytes=(frames.count * probe.frame_bytes + images * probe.image_bytes) / 1e9,
         memory_gb=None if probe.memory_bytes is None else count * probe.memory_bytes / 1e9,
+        probe_s=time.monotonic() - start,
     )
 
 
 class _ProbedRig(NamedTuple):
-    """Why a rig is impossible, if it is; its time [s], and its worker with its memory [bytes]."""
+    """A rig, why it is impossible, if it is; its time [s], and its worker and memory [bytes]."""
 
+    number: int
     reason: str
     seconds: float
     worker: int
@@ -135,17 +147,23 @@ class _TimedRigGenerator(RigGenerator):
         """Generate a rig's dataset in this process."""
         start = time.perf_counter()
         reason = self.rig(tick, number, root, {}).reason
-        return _ProbedRig(reason, time.perf_counter() - start, os.getpid(), _peak_memory())
+        return _ProbedRig(number, reason, time.perf_counter() - start, os.getpid(), _peak_memory())
 
 
 def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int) -> Forecast:
+    start, probed = time.monotonic(), list[_ProbedRig]()
     numbers = _spread(rigs, PROBED_RIGS * workers)
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
         layout, threads = CollectionLayout(Path(folder)), max(cores() // workers, 1)
         jobs = [("probe", (number, layout.rig(number).root)) for number in numbers]
-        with Pool(workers, _TimedRigGenerator, (file, variant, threads)) as pool:
-            probed: list[_ProbedRig] = pool.run(jobs)
+        with (
+            contextlib.suppress(_OutOfTimeError),
+            Pool(workers, _TimedRigGenerator, (file, variant, threads)) as pool,
+        ):
+            probed.extend(_results(pool, jobs, start + LIMIT_S))
         size = sum(path.stat().st_size for path in layout.root.rglob("*") if path.is_file())
+    if not probed:
+        return _of_one_rig(file, rigs, variant, workers, start)
     for one in probed:
         if one.reason:
             raise InputError(one.reason)
@@ -156,8 +174,8 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
             warm.append(one.seconds)
         started.add(one.worker)
     seconds = warm or [one.seconds for one in probed]
-    scenes = [accepted_rig(file, number).scene for number in numbers]
-    share = rigs / len(numbers)
+    scenes = [accepted_rig(file, one.number).scene for one in probed]
+    share = rigs / len(probed)
     counts = [Frames(scene) for scene in scenes]
     images = sum(scene.calibration.views + scene.sensor.rest_images for scene in scenes)
     compiling = max(max(one.seconds for one in probed) - min(seconds), 0.0)
@@ -177,6 +195,19 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
         hours_high=hours(max(seconds)) * _FACTOR,
         gigabytes=share * size / 1e9,
         memory_gb=max(memory) * workers / 1e9 if memory else None,
+        probe_s=time.monotonic() - start,
+    )
+
+
+def _of_one_rig(file: SceneFile, rigs: int, variant: str, workers: int, start: float) -> Forecast:
+    """Forecast a collection from frames of its first rig; `start` is that of the probe."""
+    one = _dataset_forecast(accepted_rig(file), variant, workers)
+    return replace(
+        one,
+        rigs=rigs,
+        **{name: rigs * getattr(one, name) for name in ("frames", "pushes", "images", "gigabytes")},
+        **{name: rigs * getattr(one, name) for name in ("hours", "hours_low", "hours_high")},
+        probe_s=time.monotonic() - start,
     )
 
 
@@ -184,8 +215,8 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
 class _Probe:
     """Measured times [s], sizes [bytes] and peak memory [bytes] of a probe.
 
-    Times are those of a worker's start and first frame, of each probed frame with the mechanics of
-    its push, and of one calibration image.
+    Times are those until a worker has compiled its kernels, of each probed frame with the mechanics
+    of its push, and of one calibration image.
     """
 
     start_s: float
@@ -197,34 +228,47 @@ class _Probe:
 
 
 class _ProbedFrame(NamedTuple):
-    """Times [s] of a frame and of its worker's first frame, and its peak memory [bytes]."""
+    """Time [s] of a frame, whether its worker compiled kernels before, and peak memory [bytes]."""
 
     seconds: float
-    first_s: float
+    is_warm: bool
     memory_bytes: int | None
 
 
 class _ProbedWorker(DatasetWorker):
     """A DatasetWorker that times its frames."""
 
-    _first_s: float | None = None
+    _is_warm = False
 
     def probe(
-        self,
-        tick: Callable[[], None],
-        number: int,
-        frames: tuple[FrameName, FrameName],
-        metering: Metering,
+        self, tick: Callable[[], None], number: int, name: FrameName, metering: Metering
     ) -> _ProbedFrame:
-        """Render a shard of the second frame; once per worker, render the first frame before it."""
-        first, probed = frames
+        """Render a shard of one frame."""
         start = time.perf_counter()
-        if self._first_s is None:
-            self.frame(first, metering)
-            self._first_s = time.perf_counter() - start
-        start = time.perf_counter()
-        self.shard(tick, number, [probed], metering, {})
-        return _ProbedFrame(time.perf_counter() - start, self._first_s, _peak_memory())
+        self.shard(tick, number, [name], metering, {})
+        seconds = time.perf_counter() - start
+        is_warm, self._is_warm = self._is_warm or seconds > _COMPILATION_S, True
+        return _ProbedFrame(seconds, is_warm, _peak_memory())
+
+
+class _OutOfTimeError(Exception):
+    """The time of a probe is over."""
+
+
+def _results(pool: Pool, jobs: Iterable[tuple[str, tuple[Any, ...]]], end: float) -> Iterator[Any]:
+    """Run jobs and yield the result of each when it has ended.
+
+    Raises _OutOfTimeError at the time `end`, which ends the workers, and what the pool raises.
+    """
+
+    def check(_pieces: int) -> None:
+        if time.monotonic() > end:
+            raise _OutOfTimeError
+
+    for ended in pool.outcomes(deque(Job(*job) for job in jobs), check):
+        if ended.death is not None:
+            raise ended.death
+        yield ended.result
 
 
 def _peak_memory() -> int | None:
@@ -243,39 +287,48 @@ def _spread(frames: int, max_count: int) -> list[int]:
     return [(2 * i + 1) * frames // (2 * count) for i in range(count)]
 
 
-def _probe(
-    file: SceneFile, first_index: int, indices: Sequence[int], variant: str, workers: int
-) -> _Probe:
-    clock, push_of = time.perf_counter, Frames(file.scene).push_of
-    start = clock()
-    pushes = {push_of(index) for index in (first_index, *indices)}
-    names = {
-        spec.index: FrameName(spec.frame_id, spec.index)
-        for spec in plan(file, pushes=pushes).frame_specs
-    }
-    first, probes = names[first_index], [names[index] for index in indices]
+def _probe(file: SceneFile, indices: Sequence[int], variant: str, workers: int) -> _Probe:
+    """Render frames and a calibration image. Raises InputError if no frame is rendered in time."""
+    start, push_of = time.monotonic(), Frames(file.scene).push_of
+    specs = plan(file, pushes={push_of(index) for index in indices}).frame_specs
+    names = {spec.index: FrameName(spec.frame_id, spec.index) for spec in specs}
+    # Twice as many as workers at least, so that frames are rendered after the kernels are compiled.
+    probes = [indices[n % len(indices)] for n in range(max(len(indices), 2 * workers))]
+    frames, image_s, end = list[_ProbedFrame](), 0.0, start + LIMIT_S
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
         layout, view = Layout(Path(folder)), "calibration/view_00.png"
         (layout.observations / view).parent.mkdir(parents=True)
         layout.truth.mkdir()
         threads = max(cores() // workers, 1)
-        with Pool(workers, _ProbedWorker, (file, layout, variant, threads)) as pool:
-            metering: Metering = pool.call("meter", ())
-            started = clock()
-            frames: list[_ProbedFrame] = pool.run(
-                [("probe", (n, (first, name), metering)) for n, name in enumerate(probes)]
+        with (
+            contextlib.suppress(_OutOfTimeError),
+            Pool(workers, _ProbedWorker, (file, layout, variant, threads)) as pool,
+        ):
+            (record,) = _results(pool, [("meter", ({},))], end)
+            metering: Metering = record.metering
+            for _ in range(2):  # the first one compiles
+                began = time.monotonic()
+                list(_results(pool, [("image", (view, metering.exposure))], end))
+                image_s = time.monotonic() - began
+                if image_s > _COMPILATION_S:
+                    break
+            metered_s = time.monotonic() - start
+            jobs = [("probe", (n, names[index], metering)) for n, index in enumerate(probes)]
+            frames.extend(_results(pool, jobs, end))
+        if not frames:
+            raise InputError(
+                f"{file.path}: no frame is rendered in the {LIMIT_S:g} s of a probe, so that no "
+                "time can be forecast; smaller images or larger noise targets take less"
             )
-            pool.call("image", view, metering.exposure)  # compiles
-            compiled = clock()
-            pool.call("image", view, metering.exposure)
-            image_s = clock() - compiled
         files = [path for path in layout.root.glob("*/shard_*/*") if path.is_file()]
-        frame_bytes = sum(path.stat().st_size for path in files) / len(probes)
+        frame_bytes = sum(path.stat().st_size for path in files) / len(frames)
         image_bytes = (layout.observations / view).stat().st_size
     memory = [frame.memory_bytes for frame in frames if frame.memory_bytes is not None]
+    warm = [frame.seconds for frame in frames if frame.is_warm]
+    cold = [frame.seconds for frame in frames if not frame.is_warm]
     return _Probe(
-        start_s=started - start + max(frame.first_s for frame in frames),
-        frames_s=[frame.seconds for frame in frames],
+        start_s=metered_s + max(cold, default=0.0),
+        frames_s=warm or cold,
         image_s=image_s,
         frame_bytes=frame_bytes,
         image_bytes=image_bytes,

@@ -115,3 +115,18 @@ def long(
 
     run = _with_progress("frames", lambda progress: long_run(folder, frames, workers, progress))
     _print([run._asdict()], True, as_json)
+
+
+@endurance_app.command()
+def rigs(
+    folder: Folder,
+    count: Annotated[int, typer.Option("--rigs", min=40, help="number of small rigs")] = 300,
+    workers: Annotated[int, typer.Option(min=1, help="number of processes")] = 2,
+    as_json: AsJson = False,
+) -> None:
+    """Measure rate and memory of a run of many random rigs, in its first and last tenth."""
+    with importing():
+        from vbaa_bench.benchmarks.endurance.long_run import many_rigs
+
+    run = _with_progress("rigs", lambda progress: many_rigs(folder, count, workers, progress))
+    _print([run._asdict()], True, as_json)

@@ -1,6 +1,7 @@
-"""Temporary folders of jobs, which name the frame being rendered, should the process die."""
+"""Temporary folders of jobs, which name what is being rendered, should the process die."""
 
 import contextlib
+import json
 import os
 import shutil
 import socket
@@ -8,12 +9,19 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from solver.instrument.files import read_regular
 from vbaa_bench.dataset.layout import Layout
 
 _CURRENT: Final = "current"
+
+
+class Rendering(NamedTuple):
+    """What a process renders: a frame, or an image without which there is no dataset."""
+
+    name: str
+    is_frame: bool
 
 
 @dataclass(frozen=True)
@@ -24,7 +32,14 @@ class Aside:
 
     def begin(self, frame_id: str) -> None:
         """Leave the name of the next frame. Raises OSError."""
-        (self.folder / _CURRENT).write_text(frame_id, encoding="utf-8")
+        self._leave(Rendering(frame_id, True))
+
+    def begin_image(self, name: str) -> None:
+        """Leave the name of the next image that is not a frame. Raises OSError."""
+        self._leave(Rendering(name, False))
+
+    def _leave(self, rendering: Rendering) -> None:
+        (self.folder / _CURRENT).write_text(json.dumps(rendering), encoding="utf-8")
 
 
 @contextlib.contextmanager
@@ -39,14 +54,14 @@ def aside(layout: Layout, job: str) -> Iterator[Aside]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def clear_aside(layout: Layout, job: str | None = None) -> Counter[str]:
-    """Remove the folders of dead processes that did a job, or any; count the frames that they name.
+def clear_aside(layout: Layout, job: str | None = None) -> Counter[Rendering]:
+    """Remove the folders of dead processes that did a job, or any; count what they rendered.
 
     No living process may be doing the job.
     """
-    names = Counter[str]()
+    renderings = Counter[Rendering]()
     for folder in layout.all_aside(job):
-        with contextlib.suppress(OSError, UnicodeDecodeError):  # it died before its first frame
-            names[read_regular(folder / _CURRENT).decode()] += 1
+        with contextlib.suppress(OSError, ValueError):  # it died before its first image
+            renderings[Rendering(*json.loads(read_regular(folder / _CURRENT)))] += 1
         shutil.rmtree(folder, ignore_errors=True)
-    return names
+    return renderings

@@ -63,8 +63,9 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
     inventory = Inventory()
     recorded = {tree.name: _recorded(tree) for tree in layout.trees}
     singles = [(layout.observations, name) for name in contents.images]
-    singles += [(layout.truth, f"{FILES}/{name}") for name in contents.files]
-    for tree, name in [*singles, (layout.truth, layout.manifest.name)]:
+    of_truth = [*(f"{FILES}/{name}" for name in contents.files)]
+    of_truth += [path.name for path in (layout.metering, layout.manifest)]
+    for tree, name in [*singles, *((layout.truth, name) for name in of_truth)]:
         table = recorded[tree.name]
         expected = (table or {}).get(name)
         fault = file_fault(tree / name, expected or "")
@@ -111,7 +112,10 @@ def failed_frames(folder: Path, table: Table) -> dict[str, str] | None:
 
 
 def open_for_growth(layout: Layout, contents: Contents) -> None:
-    """Remove what a larger dataset replaces: the trees' hashes and a shard that was not full."""
+    """Remove what a larger dataset replaces: the trees' hashes and a shard that was not full.
+
+    If no shard is left, the metering is measured again, because more frames may contribute to it.
+    """
     for tree in (layout.observations, layout.truth):
         (tree / HASHES).unlink(missing_ok=True)
     for number in contents.shards:
@@ -121,13 +125,16 @@ def open_for_growth(layout: Layout, contents: Contents) -> None:
             folder, names = layout.shard(tree, number), contents.names(tree.name, number, failed)
             if (table := _recorded(folder)) and table.keys() != names:
                 shutil.rmtree(folder)
+    if not any(layout.shard(layout.truth, number).exists() for number in contents.shards):
+        layout.metering.unlink(missing_ok=True)
 
 
 def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
     """Find files in the trees that are neither contents nor in shards; no link is followed."""
     known = {layout.observations / name for name in (*contents.images, "rig.json")}
     known |= {layout.files / name for name in contents.files}
-    known |= {layout.identity, layout.manifest, *(tree / HASHES for tree in layout.trees)}
+    known |= {layout.identity, layout.metering, layout.manifest}
+    known |= {tree / HASHES for tree in layout.trees}
     shards = {layout.shard(tree, number) for tree in layout.trees for number in contents.shards}
     for tree in layout.trees:
         for folder, subfolders, files in os.walk(tree):

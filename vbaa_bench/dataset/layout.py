@@ -5,6 +5,7 @@ DATASET/
   truth/
     identity.json                    scene, variant, target, versions, code; written first
     files/                           copies of the files that the scene names; see scene_files.py
+    metering.json                    exposure, sample table, and their frames; written once, second
     shard_00000/truth.parquet        one row per frame
     shard_00000/<frame_id>.exr       radiance and truth layers
     shard_00000/failures.json        why frames of the shard are missing; only if some are
@@ -78,6 +79,11 @@ class Layout:
     def manifest(self) -> Path:
         """The file with the truth of the whole dataset."""
         return self.truth / "manifest.json"
+
+    @property
+    def metering(self) -> Path:
+        """The file with what was measured before the first image."""
+        return self.truth / "metering.json"
 
     @property
     def lock(self) -> Path:

@@ -147,10 +147,10 @@ def _recorded(folder: Path) -> Mapping[str, str] | None:
 def _read(document: Path, _version: tuple[int, ...]) -> Mapping[str, str]:
     if document.name == HASHES:
         table, prefix = read_hashes(document.parent) or {}, f"{FILES}/"
-        files = {n.removeprefix(prefix): one for n, one in table.items() if n.startswith(prefix)}
-        if not files:
+        copies = {n.removeprefix(prefix): one for n, one in table.items() if n.startswith(prefix)}
+        if not copies:
             raise InputError(f"{document}: lists no copies")
-        return files
+        return copies
     files = read_json(document).get(FILES)
     if not isinstance(files, dict) or not all(isinstance(one, str) for one in files.values()):
         raise InputError(f"{document}: the key {FILES} is not an object of sha256 by names")

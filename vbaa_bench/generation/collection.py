@@ -1,6 +1,6 @@
 """Generation of a collection: many random rigs of one scene, each a dataset in one folder."""
 
-import gc
+import shutil
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,8 +18,9 @@ from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.generate import Machine, generate
 from vbaa_bench.generation.impossible import check_files
-from vbaa_bench.generation.job import Job
+from vbaa_bench.generation.job import ImageError, Job
 from vbaa_bench.generation.plan import accepted_rig
+from vbaa_bench.render.world import release_kernels
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
@@ -49,11 +50,12 @@ def generate_collection(
 ) -> list[RigResult]:
     """Generate the rigs of a collection at `root`, or finish them; return one result per rig.
 
-    `numbers` are those of the rigs to make, by default all. A rig that is impossible is recorded
-    with the reason. Workers of a `cluster` take the place of processes of this machine. The files
-    that the scene names are copied into the folder, and rigs are made from the copies. Raises
-    InputError for a folder that holds another collection or other files, or cannot be written, and
-    for a file that the scene names and that cannot be used.
+    `numbers` are those of the rigs to make, by default all. A rig that is impossible, or has an
+    image that cannot be rendered, is recorded with the reason. Workers of a `cluster` take the
+    place of processes of this machine. The files that the scene names are copied into the folder,
+    and rigs are made from the copies. Raises InputError for a folder that holds another collection
+    or other files, or cannot be written, and for a file that the scene names and that cannot be
+    used.
     """
     check_files(file)
     layout, files = CollectionLayout(root), file_digests(file)
@@ -97,8 +99,15 @@ def _generate(
             else:
                 number, root, _ = ended.job.arguments
                 of_rig = deaths.setdefault(number, Deaths())
-                of_rig.record(Layout(root), None, ended.death)
-                jobs.append(Job("rig", (number, root, of_rig.given_up)))
+                try:
+                    of_rig.record(Layout(root), None, ended.death)
+                except ImageError as error:
+                    _remove_unfinished(Layout(root))
+                    scene = accepted_rig(file, number).scene
+                    row = rig_row(file, number, scene, str(error), None)
+                    results.append(RigResult(number, row, str(error)))
+                else:
+                    jobs.append(Job("rig", (number, root, of_rig.given_up)))
     progress(total, total)
     return sorted(results)
 
@@ -138,11 +147,20 @@ class RigGenerator:
             failed = read_json(Layout(root).manifest)["failed_frames"]
         except (SceneFileError, OtherDatasetError):  # not of the rig, but of what is on the disk
             raise
+        except ImageError as error:
+            reason = str(error)
+            _remove_unfinished(Layout(root))
         except InputError as error:
             reason = str(error).replace(f"{self.file.folder}/", "")
         finally:
-            gc.collect()  # a world and its renderer refer to each other
+            release_kernels()
         return RigResult(number, rig_row(self.file, number, scene, reason, failed), reason)
+
+
+def _remove_unfinished(layout: Layout) -> None:
+    """Remove the folder of a rig that cannot be finished, unless it was complete before."""
+    if not layout.hashes.is_file():
+        shutil.rmtree(layout.root, ignore_errors=True)
 
 
 def _write_table(layout: CollectionLayout, results: Sequence[RigResult]) -> None:

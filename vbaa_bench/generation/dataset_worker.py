@@ -1,6 +1,7 @@
 """One process's part in the generation of a dataset: its methods are the jobs of a pool."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final, NamedTuple
@@ -9,14 +10,16 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
-from vbaa_bench.dataset.aside import aside
+from vbaa_bench.dataset.aside import Aside, aside
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.writer import ShardWriter, shard_writer
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, RenderedFrame
+from vbaa_bench.generation.job import ImageError
+from vbaa_bench.generation.metering_record import MeteringRecord
 from vbaa_bench.generation.pushes import Pushes
 from vbaa_bench.scene.files import SceneFileError
-from vbaa_bench.scene.frames import FrameName, FrameSpec
+from vbaa_bench.scene.frames import FrameName, Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile, recorded_scene
 from vbaa_bench.scene.rigs import true_rig
 
@@ -24,6 +27,10 @@ from vbaa_bench.scene.rigs import true_rig
 _MACHINE: Final = OSError, MemoryError, SceneFileError
 # Longest recorded reason of a failure [characters]. Chosen: a few sentences.
 _REASON: Final = 500
+# Name of the image that is rendered to measure the exposure, and not kept.
+METERING: Final = "the image that meters the exposure"
+# The name of a frame, and why it cannot be rendered.
+Failure = tuple[str, str]
 
 
 class WrittenShard(NamedTuple):
@@ -46,53 +53,74 @@ class DatasetWorker:
         scene, rig, folder = self.file.scene, true_rig(self.file.scene), self.file.folder
         self.renderer = FrameRenderer(scene, rig, folder, self.variant, self.threads)
         self._pushes = Pushes(self.file, rig, self.renderer.pushes)
+        self._frames = Frames(scene)
 
-    def meter(self, tick: Callable[[], None], given_up: Collection[str]) -> Metering:
+    def meter(self, tick: Callable[[], None], given_up: Mapping[str, str]) -> MeteringRecord:
         """Measure the exposure; learn the numbers of samples from the first frames.
 
-        Frames that are impossible, cannot be rendered or are given up are left out.
+        Frames that are impossible, fail twice or are given up are left out, and recorded with the
+        reasons. Raises ImageError if the exposure cannot be measured.
         """
-        specs = []
-        for index in METERED:
-            if index < self._pushes.count:
-                try:
-                    specs.append(self._pushes.frame(index))
-                except SceneFileError:
-                    raise
-                except InputError:
-                    continue
-        specs = [spec for spec in specs if spec.frame_id not in given_up]
-        with aside(self.layout, "meter") as own:
+        failed, specs = dict[str, str](), list[FrameSpec]()
+        for name in map(self._frames.name, range(min(len(METERED), self._frames.count))):
+            if name.frame_id in given_up:
+                failed[name.frame_id] = given_up[name.frame_id]
+                continue
             try:
-                metering = self.renderer.meter(specs, own.begin)
+                specs.append(self.spec(name))
+            except SceneFileError:
+                raise
+            except InputError as error:
+                failed[name.frame_id] = self._reason(error)
+        with aside(self.layout, "meter") as own, self._indispensable(own, METERING):
+            exposed = Metering(self.renderer.measure_exposure())
+            try:
+                metering = self.renderer.learned(exposed, specs, own.begin)
             except _MACHINE:
                 raise
-            except Exception:  # noqa: BLE001  # the reason is recorded with the frame
-                specs = [spec for spec in specs if self._is_rendered(spec)]
-                metering = self.renderer.meter(specs, own.begin)
+            except Exception:  # noqa: BLE001  # a passing error does not come again
+                failed |= self._failures(exposed, specs, own)
+                specs = [spec for spec in specs if spec.frame_id not in failed]
+                metering = self.renderer.learned(exposed, specs, own.begin)
         tick()
-        return metering
+        return MeteringRecord(metering, tuple(spec.frame_id for spec in specs), failed)
 
-    def _is_rendered(self, spec: FrameSpec) -> bool:
-        try:
-            self.renderer.meter([spec])
-        except _MACHINE:
-            raise
-        except Exception:  # noqa: BLE001
-            return False
-        return True
+    def _failures(
+        self, exposed: Metering, specs: Iterable[FrameSpec], own: Aside
+    ) -> Iterator[Failure]:
+        """Yield the frames that cannot be rendered to learn from, and the reasons."""
+        for spec in specs:
+            try:
+                self.renderer.learned(exposed, [spec], own.begin)
+            except _MACHINE:
+                raise
+            except Exception as error:  # noqa: BLE001  # recorded
+                yield spec.frame_id, self._reason(error)
 
     def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
-        """Save one calibration or rest image, such as rest/rest_00.png; return its sha256."""
+        """Save one calibration or rest image, such as rest/rest_00.png; return its sha256.
+
+        Raises ImageError if it cannot be rendered.
+        """
         kind, _, number = PurePath(name).stem.partition("_")
-        renderer = self.renderer
-        image = {"view": renderer.board_image, "rest": renderer.rest_image}[kind](
-            int(number), exposure
-        )
+        rendered = {"view": self.renderer.board_image, "rest": self.renderer.rest_image}[kind]
+        with aside(self.layout, image_job(name)) as own, self._indispensable(own, name):
+            image = rendered(int(number), exposure)
         data = png_bytes(image)
         write_bytes(self.layout.observations / name, data)
         tick()
         return digest(data)
+
+    @contextlib.contextmanager
+    def _indispensable(self, own: Aside, name: str) -> Iterator[None]:
+        """Name an image without which there is no dataset; an error in it becomes ImageError."""
+        own.begin_image(name)
+        try:
+            yield
+        except _MACHINE:
+            raise
+        except Exception as error:
+            raise ImageError(f"{name} cannot be rendered: {self._reason(error)}") from error
 
     def shard(
         self,
@@ -150,6 +178,11 @@ class DatasetWorker:
         text = text.replace(f"{self.file.path.parent}/", "").splitlines()[0] if text else ""
         name = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
         return f"{name}{text}"[:_REASON]
+
+
+def image_job(name: str) -> str:
+    """Name the job that renders an image, such as rest/rest_00.png."""
+    return PurePath(name).stem
 
 
 def dataset_worker(root: Path, identity: str, variant: str, threads: int) -> DatasetWorker:

@@ -1,14 +1,14 @@
-"""Deaths of worker processes: give up frames that cause them, and end if the machine does."""
+"""Deaths of worker processes: give up what causes them, and end if the machine does."""
 
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Final
 
-from vbaa_bench.dataset.aside import clear_aside
+from vbaa_bench.dataset.aside import Rendering, clear_aside
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.job import WorkerDiedError
+from vbaa_bench.generation.job import ImageError, WorkerDiedError
 
-# Deaths of processes that rendered the same frame, after which the frame is given up. Chosen: a
+# Deaths of processes that rendered the same frame or image, after which it is given up. Chosen: a
 # single death has other reasons, such as a lack of memory or a person who ends the process.
 FATAL: Final = 2
 # Deaths during one job, beyond those of frames that are given up, after which the command ends.
@@ -26,19 +26,23 @@ class Deaths:
     """
 
     given_up: dict[str, str] = field(default_factory=dict)
-    _frames: Counter[str] = field(default_factory=Counter)
+    _renderings: Counter[Rendering] = field(default_factory=Counter)
     _others: Counter[str | None] = field(default_factory=Counter)
 
     def record(self, layout: Layout, job: str | None, death: WorkerDiedError) -> None:
         """Record the death of a process that did a job, or all jobs of the dataset if it is None.
 
-        The frame that it rendered is in its temporary folder, which is removed. Raises `death` if
-        the job has had too many.
+        What it rendered is named in its temporary folder, which is removed. Raises ImageError if
+        that is no frame and has caused FATAL deaths, and `death` if the job has had too many for
+        other reasons.
         """
-        frames = clear_aside(layout, job)
-        self._frames += frames
-        fatal = [name for name in frames if self._frames[name] >= FATAL]
-        self.given_up |= dict.fromkeys(fatal, DIED)
+        renderings = clear_aside(layout, job)
+        self._renderings += renderings
+        fatal = [one for one in renderings if self._renderings[one] >= FATAL]
+        for rendering in fatal:
+            if not rendering.is_frame:
+                raise ImageError(f"{rendering.name} cannot be rendered: {DIED} {FATAL} times")
+        self.given_up |= {rendering.name: DIED for rendering in fatal}
         if not fatal:
             self._others[job] += 1
         if self._others[job] > MAX_DEATHS:

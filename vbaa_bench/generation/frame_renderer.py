@@ -153,16 +153,22 @@ class FrameRenderer:
         peak = max(beam, float(np.quantile(light, 0.9)))
         return metered_exposure(self.scene.sensor, peak)
 
-    def meter(
-        self, specs: Sequence[FrameSpec], begin: Callable[[str], None] = lambda _frame_id: None
+    def meter(self, specs: Sequence[FrameSpec]) -> Metering:
+        """Measure the exposure, and learn from some frames how many samples pixels need."""
+        return self.learned(Metering(self.measure_exposure()), specs)
+
+    def learned(
+        self,
+        metering: Metering,
+        specs: Sequence[FrameSpec],
+        begin: Callable[[str], None] = lambda _frame_id: None,
     ) -> Metering:
-        """Measure the exposure, and learn from some frames how many samples pixels need.
+        """Learn from some frames how many samples pixels need.
 
         Nothing is learned without frames, or if the scene says so. Of a moving beam, one pose per
         frame is rendered. The renders are not kept. `begin` is called with the frame's name before
         each.
         """
-        metering = Metering(self.measure_exposure())
         learns = bool(specs) and self.scene.render.sample_table and not is_scalar()
         for number in range(_ROUNDS if learns else 0):
             sampled = []

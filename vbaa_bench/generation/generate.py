@@ -5,8 +5,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from solver.instrument.errors import InputError
 from solver.instrument.files import holds, write_bytes
 from solver.instrument.hashes import digest
@@ -16,19 +14,18 @@ from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_
 from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
 from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.lock import locked
-from vbaa_bench.dataset.manifest import read_json, seal
+from vbaa_bench.dataset.manifest import seal
 from vbaa_bench.dataset.scene_files import check_copies, copy_files
 from vbaa_bench.generation.cluster import ClusterPool
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.dataset_worker import dataset_worker
 from vbaa_bench.generation.deaths import Deaths
-from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.metering_record import recorded_metering
 from vbaa_bench.generation.missing_files import MissingFiles, shard_hashes
 from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.generation.workers import Pool, cores
-from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
@@ -177,16 +174,16 @@ def _complete(
     for folder in {path.parent for path in map(PurePath, contents.images)}:
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
     hashes["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
-    if _is_complete(layout, contents, hashes):
-        facts = read_json(layout.manifest)
-        table = SampleTable(np.array(facts["sample_table"]))
-        metering = Metering(float(facts["exposure_per_radiance"]), table)
+    record = recorded_metering(layout, inventory)
+    if record is not None and _is_rendered(contents, hashes):
+        metering = record.metering
     else:
         identity = hashes["truth"][layout.identity.name]
         built = layout.root.resolve(), identity, machine.variant, machine.threads_each
         with machine.pool(dataset_worker, built, remark) as pool:
             missing = MissingFiles(layout, contents, shards, inventory, deaths)
-            metering = missing.generate(pool, progress)
+            metering = missing.generate(pool, progress, record)
+    hashes["truth"][layout.metering.name] = digest(layout.metering.read_bytes())
     failed = sum(inventory.failed.values())
     facts = dataset_facts(scene, rig, metering, machine.variant)
     facts |= {"frames": sum(map(len, shards.values())) - failed, "failed_frames": failed}
@@ -222,10 +219,8 @@ def _rig(layout: Layout, text: str) -> str:
     return digest(data)
 
 
-def _is_complete(
-    layout: Layout, contents: Contents, hashes: Mapping[str, Mapping[str, str]]
-) -> bool:
-    """Return whether nothing has to be rendered or metered: the manifest holds the exposure."""
+def _is_rendered(contents: Contents, hashes: Mapping[str, Mapping[str, str]]) -> bool:
+    """Return whether no image has to be rendered."""
     shards = {shard_hashes(number) for number in contents.shards}
     rendered = {*contents.images, *shards} <= hashes["observations"].keys()
-    return rendered and {layout.manifest.name, *shards} <= hashes["truth"].keys()
+    return rendered and shards <= hashes["truth"].keys()

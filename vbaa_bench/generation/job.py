@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple
 
+from solver.instrument.errors import InputError
+
 
 class WorkerDiedError(Exception):
     """A worker process ended by itself or was killed, for example for lack of memory."""
@@ -19,6 +21,10 @@ class WorkerStartError(WorkerDiedError):
 
     def __str__(self) -> str:
         return f"a worker process could not start: {self.reason}"
+
+
+class ImageError(InputError):
+    """An image cannot be rendered without which there is no dataset."""
 
 
 class Job(NamedTuple):

@@ -8,10 +8,11 @@ from typing import Protocol
 from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.inventory import Contents, Inventory
 from vbaa_bench.dataset.layout import Layout, shard_name
-from vbaa_bench.generation.dataset_worker import WrittenShard
+from vbaa_bench.generation.dataset_worker import WrittenShard, image_job
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.job import Ended, Job
+from vbaa_bench.generation.metering_record import MeteringRecord, write_metering
 from vbaa_bench.scene.frames import FrameName
 
 
@@ -35,11 +36,16 @@ class MissingFiles:
     inventory: Inventory
     deaths: Deaths
 
-    def generate(self, workers: Workers, progress: Callable[[int, int], None]) -> Metering:
-        """Generate all of them; return what was measured first.
+    def generate(
+        self,
+        workers: Workers,
+        progress: Callable[[int, int], None],
+        record: MeteringRecord | None = None,
+    ) -> Metering:
+        """Generate all of them; return the metering, which is measured if there is no record.
 
-        Raises what the workers raise, and WorkerDiedError if processes die for other reasons than
-        single frames.
+        Raises what the workers raise, ImageError if processes die at an image without which there
+        is no dataset, and WorkerDiedError if they die for other reasons than single images.
         """
         observations = self.inventory.whole["observations"]
         images = [name for name in self.contents.images if name not in observations]
@@ -48,14 +54,18 @@ class MissingFiles:
         total = sum(map(len, self.shards.values())) + len(self.contents.images) + 1
         missing = sum(len(self.shards[n]) for n in numbers) + len(images)
         progress(total - missing - 1, total)
-        metering = self._metering(workers)
+        if record is None:
+            record = self._metered(workers)
+            write_metering(self.layout, record)
+        self.deaths.given_up |= record.failed
+        metering = record.metering
         jobs = deque(Job("image", (name, metering.exposure)) for name in images)
         jobs.extend(self._shard_job(number, metering) for number in numbers)
         for ended in workers.outcomes(jobs, lambda done: progress(total - missing + done, total)):
             name = ended.job.arguments[0]
             if ended.job.method == "image":
                 if ended.death is not None:
-                    self.deaths.record(self.layout, name, ended.death)
+                    self.deaths.record(self.layout, image_job(name), ended.death)
                     jobs.append(ended.job)
                 else:
                     observations[name] = ended.result
@@ -66,15 +76,15 @@ class MissingFiles:
                 self._record(name, ended.result)
         return metering
 
-    def _metering(self, workers: Workers) -> Metering:
-        jobs = deque([Job("meter", (tuple(self.deaths.given_up),))])
+    def _metered(self, workers: Workers) -> MeteringRecord:
+        jobs = deque([Job("meter", (dict(self.deaths.given_up),))])
         for ended in workers.outcomes(jobs, lambda _done: None):
             if ended.death is None:
-                metering: Metering = ended.result
+                record: MeteringRecord = ended.result
             else:
                 self.deaths.record(self.layout, "meter", ended.death)
-                jobs.append(Job("meter", (tuple(self.deaths.given_up),)))
-        return metering
+                jobs.append(Job("meter", (dict(self.deaths.given_up),)))
+        return record
 
     def _shard_job(self, number: int, metering: Metering) -> Job:
         given_up = {

@@ -69,7 +69,7 @@ class View:
             outside = (pixels.max(axis=0) < 0) | (pixels.min(axis=0) >= size)
             if outside.any():
                 continue
-            if np.abs(pixels).max() > _MAX_COORDINATE_PX:
+            if not np.abs(pixels).max() <= _MAX_COORDINATE_PX:  # nor NaN
                 return all_pixels
             cv2.fillConvexPoly(canvas, cv2.convexHull(pixels.astype(np.int32)), 1)
         covered = cv2.dilate(canvas, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)) > 0

@@ -1,4 +1,4 @@
-"""Arrays of Dr.Jit from arrays of NumPy."""
+"""Arrays of Dr.Jit from arrays of NumPy, and indices of their values."""
 
 from typing import Any
 
@@ -21,3 +21,12 @@ def device_array(values: Floats) -> Any:
     array = mi.Float(mi.Float64(np.ravel(values)))
     dr.eval(array)
     return array
+
+
+def index_of(place: Any, count: int) -> Any:
+    """Round places (Dr.Jit) down to indices of an array of `count` values.
+
+    Places beyond an end of the array have the index of that end, and NaN has the index 0. `dr.clip`
+    lets NaN pass; the conversion to an integer then gives an index far outside of the array.
+    """
+    return mi.UInt32(dr.select(place > 0, dr.minimum(place, count - 1), 0))

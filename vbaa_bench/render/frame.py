@@ -228,6 +228,7 @@ class _Canvas:
         size, smooth = np.full(count, UNIFORM_SAMPLES), Interpolated.nothing(count)
         if not is_scalar():
             pilot = pilots(world, quantity, where, targets, seed)
+            _check_finite(pilot.excess)
             kind = kinds(targets.dense[where], pilot.covered, quantity == "change")
             predicted = targets.table.predicted(kind, PILOT_SAMPLES, pilot.excess)
             corrected = targets.table.corrected(kind, predicted)
@@ -242,6 +243,7 @@ class _Canvas:
         order = chosen[np.argsort(size[chosen], kind="stable")]
         pixels = rows, columns = rows[order], columns[order]
         traced = trace(world, np.column_stack([columns, rows]), size[order], seed + 1, quantity)
+        _check_finite(traced.radiance)
         self.radiance[where] = smooth.value
         self.radiance[pixels], self.variance[pixels] = smooth.corrected(
             order, traced.radiance, traced.variance
@@ -249,6 +251,15 @@ class _Canvas:
         self.coverage[pixels] = traced.coverage
         self.samples[pixels] = SETS * size[order]
         self.always[where] = smooth.probability == 1
+
+
+def _check_finite(values: Floats) -> None:
+    """Raise ArithmeticError if a value of a pixel (n,) is no number.
+
+    It would become a number of samples, or a gray value.
+    """
+    if count := int(np.count_nonzero(~np.isfinite(values))):
+        raise ArithmeticError(f"{count} of {len(values)} pixels have no radiance")
 
 
 def _shaded(world: World, static: StaticLayer) -> Mask:

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.render.device_array import device_array
+from vbaa_bench.render.device_array import device_array, index_of
 from vbaa_bench.render.strata import Overlap, Strata, whole_share
 
 # Rows of the table of the beam's centreline, which is taken as straight within a row.
@@ -30,12 +30,12 @@ _KNOTS = (0.0, 0.25, 0.5, 0.75, 1.0)
 class BeamAlongLamp(NamedTuple):
     """A beam along a lamp, in the lamp's own frame and in evenly spaced places x (Dr.Jit).
 
-    `ends` holds x and z of the first end, then of the last; `height` is the mean z. `y`, `z`,
-    `slope_y`, `slope_z` (their derivatives by x) and `radius` have one value per place.
+    `ends` (2,) holds x of the first and of the last end, `heights` (2,) the mean and smallest z.
+    `y`, `z`, `slope_y`, `slope_z` (their derivatives by x) and `radius` have one value per place.
     """
 
     ends: Any
-    height: Any
+    heights: Any
     y: Any
     z: Any
     slope_y: Any
@@ -83,8 +83,8 @@ class HiddenStrip:  # not a dataclass: the loops of Dr.Jit would take its table 
         places = np.linspace(x[0], x[-1], _ROWS)
         table = [np.interp(places, x, values) for values in (y, z, radius)]
         slopes = [np.append(np.diff(values), 0) / (places[1] - places[0]) for values in table[:2]]
-        ends, height = np.array([x[0], z[0], x[-1], z[-1]]), z.mean(keepdims=True)
-        beam = BeamAlongLamp(*map(device_array, (ends, height, *table[:2], *slopes, table[2])))
+        ends, heights = x[[0, -1]], np.array([z.mean(), z.min()])
+        beam = BeamAlongLamp(*map(device_array, (ends, heights, *table[:2], *slopes, table[2])))
         half_sides = float(lengths[order[0]]), float(lengths[order[1]])
         return cls(axes[order], middle, half_sides, order[0] == 1, beam)
 
@@ -108,16 +108,20 @@ class HiddenStrip:  # not a dataclass: the loops of Dr.Jit would take its table 
     def overlap(self, seen_from: Any, along: Any) -> Overlap:
         """Compute the hidden part of a line across the lamp, seen from a point in its frame."""
         beam, (length, width) = self.beam, self.half_sides
-        away = seen_from.z
+        first, last = (dr.gather(mi.Float, beam.ends, mi.UInt32(i)) for i in range(2))
+        height, nearest = (dr.gather(mi.Float, beam.heights, mi.UInt32(i)) for i in range(2))
+        # The beam hides nothing from points that are nearer to the lamp than all of the beam. Some
+        # are on the lamp, if the camera sees it: their distance 0 must not be divided by.
+        away = dr.maximum(seen_from.z, nearest)
         side = (2 * along - 1) * length - seen_from.x
         # Where the plane through the point and the line meets the beam, from its mean height.
-        first, last = (dr.gather(mi.Float, beam.ends, mi.UInt32(i)) for i in (0, 2))
-        x = seen_from.x + side * (1 - beam.height / away)
+        x = seen_from.x + side * (1 - height / away)
         for _ in range(2):
-            row = mi.UInt32(dr.clip((x - first) / (last - first), 0, 1) * (_ROWS - 1))
+            row = index_of((x - first) / (last - first) * (_ROWS - 1), _ROWS)
             place = dr.lerp(first, last, mi.Float(row) / (_ROWS - 1))
             slope_z = dr.gather(mi.Float, beam.slope_z, row)
             z = dr.gather(mi.Float, beam.z, row)
+            # Infinite or NaN where the line of sight is parallel to the beam and never meets it.
             step = (seen_from.x + side * (1 - z / away) - place) / (1 + side / away * slope_z)
             x = place + step
         slope_y = dr.gather(mi.Float, beam.slope_y, row)
@@ -137,8 +141,8 @@ class HiddenStrip:  # not a dataclass: the loops of Dr.Jit would take its table 
                 edge = across + sign * reach * dr.norm(dr.cross(towards, tangent))
             edges.append(dr.clip((seen_from.y + edge) / (2 * width) + 0.5, 0, 1))
         lower, upper = edges
-        hides = (x >= first) & (x <= last) & (part > 0) & (part < 1)
-        return Overlap(lower, dr.select(hides, upper - lower, 0))
+        hides = (x >= first) & (x <= last) & (part > 0) & (part < 1) & (seen_from.z > nearest)
+        return Overlap(dr.select(hides, lower, 0), dr.select(hides, upper - lower, 0))
 
 
 @dataclass

@@ -15,7 +15,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
-from vbaa_bench.render.device_array import device_array
+from vbaa_bench.render.device_array import device_array, index_of
 
 # A Gaussian point spread is cut off at this number of sigmas.
 _SIGMAS = 5.0
@@ -107,9 +107,9 @@ class Optics:
         """Undistort a film point, bilinearly between pixel corners."""
         width = self.camera.width + 1 + 2 * self._margin
         height = self.camera.height + 1 + 2 * self._margin
-        across = dr.clip(x + self._margin, 0, width - 1.001)
-        down = dr.clip(y + self._margin, 0, height - 1.001)
-        column, row = mi.UInt32(across), mi.UInt32(down)
+        across = dr.clip(x + self._margin, 0, width - 1)
+        down = dr.clip(y + self._margin, 0, height - 1)
+        column, row = index_of(across, width - 1), index_of(down, height - 1)
         u, v = across - column, down - row
         shift = mi.Point2f(0)
         for corner, weight in (

@@ -12,7 +12,7 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
-from vbaa_bench.render.device_array import device_array
+from vbaa_bench.render.device_array import device_array, index_of
 from vbaa_bench.render.pixel_strata import PixelStrata, pixel_strata
 
 # Points of an edge that are projected; the image of the edge is straight between them.
@@ -89,7 +89,8 @@ class PrintedEdges:
 
     def strata(self, column: Any, row: Any, count: Any) -> PixelStrata:
         """Stratify `count` samples of pixels (Dr.Jit: column, row and count)."""
-        index = mi.UInt32(row * self.upright.shape[1] + column)
+        height, width = self.upright.shape
+        index = index_of(row, height) * width + index_of(column, width)
         enters, leaves, upright = (dr.gather(mi.Float, image, index) for image in self.arrays)
         is_upright = upright > 0
         origin = dr.select(is_upright, column, row)

@@ -10,7 +10,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
-from vbaa_bench.render.device_array import device_array
+from vbaa_bench.render.device_array import device_array, index_of
 from vbaa_bench.render.pixel_strata import PixelStrata, pixel_strata
 
 # The mesh's edges are straight between rings, in space but not through a distorting lens, and are
@@ -80,6 +80,7 @@ class Silhouette:
 
     def strata(self, column: Any, row: Any, count: Any) -> PixelStrata:
         """Stratify `count` samples of pixels (Dr.Jit: column, row and count)."""
-        index, origin = (row, column) if self.upright else (column, row)
-        edges = [dr.gather(mi.Float, edge, mi.UInt32(index)) - origin for edge in self.arrays]
+        origin, place = (column, row) if self.upright else (row, column)
+        index = index_of(place, self.shape[0 if self.upright else 1])
+        edges = [dr.gather(mi.Float, edge, index) - origin for edge in self.arrays]
         return pixel_strata(edges, mi.Bool(self.upright), count)

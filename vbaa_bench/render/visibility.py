@@ -67,8 +67,8 @@ def visibility(coverage: Floats, camera: Camera, centreline: Floats, radius: flo
 def _look_up(coverage: Floats, pixels: Floats) -> tuple[Mask, Mask]:
     """Test whether places (n, 2) [px] are in the image, and in a covered pixel."""
     height, width = coverage.shape
-    column, row = np.rint(np.clip(pixels, -1e6, 1e6)).astype(int).T
+    column, row = np.rint(pixels).T
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     covered = inside.copy()
-    covered[inside] = coverage[row[inside], column[inside]] > 0
+    covered[inside] = coverage[row[inside].astype(int), column[inside].astype(int)] > 0
     return inside, covered

@@ -127,11 +127,14 @@ class Frames:
         """Return the number of the push of a frame."""
         return index // self._per_push
 
+    def name(self, index: int) -> FrameName:
+        """Name a frame; no value is drawn."""
+        return FrameName(_name(self._frame_names, index), index)
+
     def in_shards(self) -> tuple[tuple[FrameName, ...], ...]:
         """Name all frames, shard by shard, in the order of the files; no value is drawn."""
         names = [
-            (self._round(self.push_of(index)), FrameName(_name(self._frame_names, index), index))
-            for index in range(self.count)
+            (self._round(self.push_of(index)), self.name(index)) for index in range(self.count)
         ]
         return _shards(self._scene, [name for _, name in sorted(names)])
 
@@ -160,7 +163,7 @@ class Frames:
         return tuple(
             FrameSpec(
                 first + step,
-                _name(self._frame_names, first + step),
+                self.name(first + step).frame_id,
                 number,
                 _name(self._push_names, number),
                 self._round(number),

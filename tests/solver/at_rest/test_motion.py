@@ -8,7 +8,7 @@ import pytest
 
 from solver.at_rest.learn import learn_at_rest
 from solver.at_rest.motion import moved
-from solver.centreline import Centreline, Extractor, down_columns
+from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from tests.beam_images import HEIGHT, METRES_PER_PIXEL, WIDTH, Look, Sensor, bent, drawn
@@ -54,13 +54,21 @@ def test_motion_of_the_beam_or_of_everything_is_found(
     assert moved(taken, [line()] * 4, GUIDE.radius_px)
 
 
+class Apart:
+    """An extractor that finds the beam 0.66 px apart in consecutive images."""
+
+    shading, detector = 1.0, None
+
+    def __init__(self) -> None:
+        self._off = cycle([0.33, -0.33])
+
+    def __call__(self, _image: Grey, /) -> Centreline:
+        return line(next(self._off))
+
+
 def test_still_images_that_show_the_beam_apart_are_refused_for_their_contrast(
     random: np.random.Generator,
 ) -> None:
-    def learn(_images: object, _guide: object) -> Extractor:
-        apart = cycle([0.33, -0.33])
-        return lambda _image: line(next(apart))
-
     taken = images(random, *[still()] * 4)
     with pytest.raises(InputError, match=r"contrast of the beam is too low: .* 0\.33 px apart"):
-        learn_at_rest(taken, GUIDE, learn, CALIBRATION, rig())
+        learn_at_rest(taken, GUIDE, lambda _images, _guide: Apart(), CALIBRATION, rig())

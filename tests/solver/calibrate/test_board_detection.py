@@ -10,8 +10,9 @@ from solver.calibrate import detect_board
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, camera_looking_at, rigid
-from tests.drawn import drawn, tilted
+from tests.drawn import OldCharuco, drawn, tilted
 from tests.draws import generator
 
 SQUARE = 0.014
@@ -114,3 +115,20 @@ def test_where_there_is_no_board_none_is_seen(
     if what == "noise":
         blank = random.integers(0, 255, blank.shape, dtype=np.uint8)
     assert detect_board(blank, BOARDS[name]) is None
+
+
+@pytest.mark.parametrize("kind", [Charuco, OldCharuco])
+def test_a_board_with_markers_is_read_in_either_layout_and_never_mirrored(
+    kind: type[Charuco], random: np.random.Generator
+) -> None:
+    """With an even number of rows of squares, OpenCV before 4.6 printed other colours."""
+    board = kind(10, 7, SQUARE, "4x4_50")
+    view = drawn(board, camera(), MIDDLE, random, samples=21, generator=13)
+    found = detect_board(view, Charuco(10, 7, SQUARE, "4x4_50"))
+    assert found is not None
+    assert len(found) > 0.8 * 70
+    errors = found.pixels - camera().project(apply(MIDDLE, board.corners()))[found.numbers]
+    assert np.abs(errors).max() < 0.3
+    for mirrored in (view[:, ::-1], view[::-1]):
+        with pytest.raises(InputError, match="the images are mirrored: the board's markers"):
+            detect_board(np.ascontiguousarray(mirrored), board)

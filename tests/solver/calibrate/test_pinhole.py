@@ -135,3 +135,17 @@ def test_two_views_are_too_few() -> None:
     numbers, pixels = np.arange(108), camera().project(apply(BOARD_POSE, BOARD.corners()))
     with pytest.raises(InputError, match=r"2 calibration views show enough.*needed are 3"):
         pinhole([BoardDetection(numbers, pixels)] * 2, 320, 280, rig(BOARD))
+
+
+@pytest.mark.parametrize("stretch", [0.0, 0.02, -0.05])
+def test_a_board_printed_too_tall_is_found(stretch: float, random: np.random.Generator) -> None:
+    true, views = camera(BARREL), []
+    for view in range(4):
+        printed = BOARD.corners() * [1.0, 1.0 + stretch, 1.0]
+        pixels = true.project(apply(board_pose(view), printed))
+        views.append(BoardDetection(np.arange(108), pixels + random.normal(0, 0.03, pixels.shape)))
+    found = pinhole(views, true.width, true.height, rig(BOARD, len(BARREL))).stretch
+    assert found is not None
+    assert abs(found.value - stretch) < 5.5 * found.sigma
+    assert found.sigma < 2e-4
+    assert found.is_significant == (stretch != 0)

@@ -83,6 +83,27 @@ def test_what_excel_writes_is_read(table: Path) -> None:
     (plain,) = read(table, f"{COLUMNS}\n{CELLS}\n")
     assert read(table, text) == [plain]
     assert read(table, text.replace(",", ";")) == [plain]
+    # In Germany, and as "Unicode text".
+    german = text.replace(",", ";").replace("30.5", "30,5")
+    assert read(table, german) == [plain]
+    for encoding in ("utf-16-le", "utf-16-be"):  # after a byte order mark
+        table.write_bytes(german.replace(";", "\t").encode(encoding))
+        assert list(read_frames(table)) == [plain]
+
+
+def test_what_excel_writes_ambiguously_is_refused_with_a_remedy(table: Path) -> None:
+    def refused(content: str | bytes) -> str:
+        table.write_bytes(content.encode() if isinstance(content, str) else content)
+        with pytest.raises(InputError) as caught:
+            list(read_frames(table))
+        return str(caught.value)
+
+    head = "file_name,motor_angle_deg"
+    assert "write decimal points" in refused(f"{head}\na.png,30,5\n")
+    assert "with a decimal point" in refused(f'{head}\na.png,"30,5"\n')
+    assert "with a decimal point" in refused("file_name;motor_angle_deg\na.png;1.030,5\n")
+    assert "is UTF-16 without" in refused(f"{head}\na.png,30\n".encode("utf-16-le"))
+    assert "save it as 'CSV UTF-8'" in refused("file_name\nTür.png\n".encode("cp1252"))
 
 
 def test_pipes_are_no_files(tmp_path: Path) -> None:

@@ -141,6 +141,18 @@ def test_a_video_in_and_a_video_out(command: CommandLine, root: Path, images: li
     capture = cv2.VideoCapture("out.mp4")
     assert int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) == 4
     assert capture.get(cv2.CAP_PROP_FPS) == 10
+    # A video that is cut: what it shows is estimated, and the end is not silent.
+    writer = cv2.VideoWriter("long.avi", cv2.VideoWriter.fourcc(*"FFV1"), 10, (512, 176))
+    for path in 3 * images:
+        writer.write(cv2.cvtColor(read_grey(path), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    content = Path("long.avi").read_bytes()
+    Path("cut.avi").write_bytes(content[: len(content) * 6 // 10])
+    ended = command("cut.avi", "--rig", root, "--out", "cut.csv")
+    assert ended.status == 1
+    count = len(table(Path("cut.csv")))
+    assert 4 < count < 9
+    assert f"cut.avi: ends after {count} of 12 frames" in ended.err.replace("\n", " ")
 
 
 class Plugged:

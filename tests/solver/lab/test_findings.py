@@ -8,6 +8,7 @@ import pytest
 
 from solver.antenna import Antenna
 from solver.at_rest.landmarks import Pixels
+from solver.calibrate.calibration import Stretch
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig
 from solver.instrument.rig_json import read_rig, rig_to_json
@@ -58,6 +59,13 @@ def test_what_rig_json_states_wrongly_is_found(
 
 def test_a_right_rig_has_no_findings(antenna: Antenna) -> None:
     assert list(findings(antenna)) == []
+
+
+def test_a_board_that_is_not_square_is_named(antenna: Antenna) -> None:
+    calibration = replace(antenna.calibration, stretch=Stretch(0.02, 1e-4))
+    (finding,) = findings(replace(antenna, calibration=calibration))
+    assert finding.name == "board_stretched"
+    assert "squares are 2.00 +- 0.01 % taller than wide" in finding.message
 
 
 def test_copies_of_a_rest_image_are_named(observations: Observations) -> None:

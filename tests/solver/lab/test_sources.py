@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import IncompleteError, InputError
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import png_bytes
 from solver.instrument.metadata import read_frames
@@ -128,6 +128,24 @@ def test_a_video_shows_every_frame_with_its_time(tmp_path: Path) -> None:
     assert [int(shot.grey().mean()) for shot in shots] == pytest.approx(
         [0, 40, 80, 120, 160], abs=1
     )
+
+
+@pytest.mark.parametrize("suffix", ["avi", "mkv"])
+def test_a_cut_video_is_incomplete(
+    tmp_path: Path, suffix: str, random: np.random.Generator
+) -> None:
+    path = tmp_path / f"whole.{suffix}"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 20, (64, 48))
+    for _ in range(12):
+        writer.write(random.integers(0, 255, (48, 64, 3), dtype=np.uint8))
+    writer.release()
+    whole = path.read_bytes()
+    assert len(list(open_source([str(path)]))) == 12
+    path.write_bytes(whole[: len(whole) * 6 // 10])
+    shots = iter(open_source([str(path)]))
+    assert [next(shots).number for _ in range(3)] == [0, 1, 2]
+    with pytest.raises(IncompleteError, match=r"ends after \d of 12 frames: it is cut or damaged"):
+        list(shots)
 
 
 def turned(path: Path) -> Path:

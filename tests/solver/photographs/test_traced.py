@@ -136,3 +136,10 @@ def test_a_rolled_camera_traces_the_same_beam() -> None:
     off = replace(photo, line=turned(photo.line)).off(other.points, other.normals)
     assert np.sqrt(np.mean(off**2)) < 0.06
     assert len(other.points) == pytest.approx(len(beam.points), abs=5)
+
+
+@pytest.mark.parametrize("gray", [0, 128, 255])
+def test_an_image_without_any_structure_shows_no_beam(gray: int) -> None:
+    image = np.full(SHAPE, gray, np.float32)
+    with pytest.raises(InputError, match="no beam is found from clamp_px"):
+        traced_beam(image, np.array([70.0, 180.0]), np.array([560.0, 190.0]))

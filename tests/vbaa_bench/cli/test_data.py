@@ -1,6 +1,9 @@
 """Looking before rendering: the preview of a frame, and the cost of a dataset."""
 
 import json
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -11,7 +14,10 @@ from typer.testing import CliRunner
 from solver.instrument.errors import InputError
 from tests.conftest import SMALL_SCENE
 from vbaa_bench import cli
+from vbaa_bench.api import forecast as forecasts
 from vbaa_bench.api.forecast import Forecast
+from vbaa_bench.generation.job import Ended, Job
+from vbaa_bench.generation.workers import Pool
 from vbaa_bench.report.gallery import TRUTH
 
 # Counts and pictures do not depend on the noise; less noise takes more time.
@@ -69,6 +75,32 @@ def test_a_plan_counts_the_scene_and_states_a_range(noisy_scene: Path) -> None:
     assert cost.memory_gb is None or 0.3 < cost.memory_gb < 30
 
 
+def test_a_probe_ends_when_its_time_is_over(
+    noisy_scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forecasts, "LIMIT_S", 0.0)
+    done = CliRunner().invoke(cli.app, ["plan", str(noisy_scene), "--workers", "1", "--json"])
+    assert isinstance(done.exception, InputError)
+    assert "no frame is rendered in the 0 s of a probe" in str(done.exception)
+
+
+def test_what_is_measured_before_the_end_of_a_probe_counts() -> None:
+    class Slow(Pool):
+        def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:
+            yield Ended(jobs[0], "measured")
+            time.sleep(0.02)
+            done(1)
+            pytest.fail("goes on")
+
+    results, jobs = list[str](), [("image", ("view", 1.0)), ("image", ("view", 1.0))]
+    with (
+        pytest.raises(forecasts._OutOfTimeError),
+        Slow(1, str, ()) as pool,
+    ):
+        results.extend(forecasts._results(pool, jobs, time.monotonic() + 0.01))
+    assert results == ["measured"]
+
+
 def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
     path = tmp_path / "rigs.yaml"
     # Each probed rig is generated as a whole: one push of two frames, in small images.
@@ -97,10 +129,12 @@ def test_a_plan_is_said_in_four_lines() -> None:
         hours_high=0.5,
         gigabytes=81.25,
         memory_gb=3.7,
+        probe_s=75.0,
     )
     assert str(cost).splitlines() == [
         "270,000 frames of 90,000 pushes, and 14 images of the board and the beam at rest",
-        "time:    12.3 h with 8 workers, between 8 h and 30 min at the machine load of the probe",
+        "time:    12.3 h with 8 workers, between 8 h and 30 min at the machine load of the probe, "
+        "which took 1.2 min",
         "disk:    81.2 GB, within about 10 %",
         "memory:  3.7 GB in total, the peak of a probing worker times the number of workers",
     ]

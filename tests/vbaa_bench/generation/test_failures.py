@@ -1,32 +1,42 @@
 """Frames that fail: recorded with their reason, at their own cost alone."""
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from tests.draws import seeded
 from tests.end_to_end.test_generate import digests, quiet
 from tests.mortal import Mortal
-from tests.poisoned import PoisonedWorker
+from tests.poisoned import FATAL_IMAGE, KILLED_IMAGE, PoisonedRigs, PoisonedWorker
 from vbaa_bench import cli
+from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.inventory import Contents, Inventory, take_inventory
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.generation import collection as collections
+from vbaa_bench.generation import dataset_worker as dataset_workers
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
 from vbaa_bench.generation.deaths import DIED, Deaths
-from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.generate import generate
-from vbaa_bench.generation.job import WorkerDiedError
+from vbaa_bench.generation.job import ImageError, WorkerDiedError
+from vbaa_bench.generation.metering_record import MeteringRecord
 from vbaa_bench.generation.missing_files import MissingFiles
 from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits import of_dataset
-from vbaa_bench.scene.frames import FrameName, Frames
+from vbaa_bench.render.sample_table import Sampled
+from vbaa_bench.render.variant import PLAIN
+from vbaa_bench.scene.frames import FrameName, Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
 
 SCENE = seeded("""\
@@ -69,7 +79,7 @@ def check_frames(layout: Layout, expected: set[str], failed: dict[str, str]) -> 
     assert (manifest["frames"], manifest["failed_frames"]) == (len(expected), len(failed))
 
 
-def poisoned(root: Path) -> MissingFiles:
+def poisoned(root: Path, *images: str) -> MissingFiles:
     """The missing files of a dataset of eight frames in four shards, of which none exists."""
     names = [FrameName(f"frame {number}", number) for number in range(8)]
     shards = {number: tuple(names[2 * number : 2 * number + 2]) for number in range(4)}
@@ -77,7 +87,7 @@ def poisoned(root: Path) -> MissingFiles:
     layout = Layout(root)
     for tree in layout.trees:
         tree.mkdir(parents=True)
-    contents = Contents(images=("rest/rest_00.png",), shards=ids, layers=False)
+    contents = Contents(images=(KILLED_IMAGE, *images), shards=ids, layers=False)
     return MissingFiles(layout, contents, shards, Inventory(), Deaths())
 
 
@@ -94,6 +104,56 @@ def test_a_frame_at_which_processes_die_costs_itself_alone(tmp_path: Path) -> No
     assert inventory.failed == missing.inventory.failed == {0: 1, 1: 1, 2: 0, 3: 0}
     assert not missing.layout.all_aside()
     assert counts[-1] == 10
+
+
+def test_an_image_at_which_processes_die_ends_the_dataset_with_one_sentence(tmp_path: Path) -> None:
+    missing = replace(poisoned(tmp_path, FATAL_IMAGE), shards={})
+    with (
+        Pool(1, PoisonedWorker, (tmp_path,)) as pool,
+        pytest.raises(
+            ImageError, match=r"^calibration/view_07\.png cannot be rendered: the process .* died 2"
+        ),
+    ):
+        missing.generate(pool, quiet)
+    assert not missing.layout.all_aside()
+
+
+def test_an_image_at_which_processes_die_costs_its_rig_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(collections, "RigGenerator", PoisonedRigs)
+    path = tmp_path / "rigs.yaml"
+    path.write_text(SCENE + "rigs: 3\nbeam: {length_mm: {uniform: [239, 241]}}\n")
+    root = tmp_path / "data"
+    results = collections.generate_collection(load_scene(path), root, "llvm_ad_mono", 1, quiet)
+    reason = "the board cannot be rendered: the process that rendered it died 2 times"
+    assert [result.reason for result in results] == ["", reason, ""]
+    rows = CollectionLayout(root).read_rows()
+    assert {number: row["reason"] for number, row in rows.items()} == {0: None, 1: reason, 2: None}
+    assert float(rows[1]["beam.length_mm"] or 0) == pytest.approx(240, abs=1)
+    assert not CollectionLayout(root).rig(1).root.exists()
+
+
+def test_an_image_that_cannot_be_rendered_costs_its_rig(
+    file: SceneFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dark(*_: object) -> None:
+        raise ArithmeticError("3 of 9 pixels have no radiance")
+
+    class Dark(DatasetWorker):
+        def __post_init__(self) -> None:
+            self.renderer: Any = SimpleNamespace(rest_image=dark, board_image=dark)
+
+    def generated(_file: SceneFile, root: Path, *_: object, **__: object) -> None:
+        (root / "truth").mkdir(parents=True)
+        Dark(file, Layout(root), "", 1).image(lambda: None, "rest/rest_00.png", 1.0)
+
+    monkeypatch.setattr(collections, "generate", generated)
+    rigs = collections.RigGenerator(file, "", 1)
+    result = rigs.rig(lambda: None, 4, tmp_path / "rig_00004", {})
+    reason = "rest/rest_00.png cannot be rendered: ArithmeticError: 3 of 9 pixels have no radiance"
+    assert (result.reason, result.row["reason"]) == (reason, reason)
+    assert not (tmp_path / "rig_00004").exists()
 
 
 def test_processes_that_die_for_other_reasons_end_the_command(tmp_path: Path) -> None:
@@ -129,6 +189,40 @@ def test_a_frame_that_cannot_be_rendered_is_recorded(
     monkeypatch.setattr(generating, "SameProcess", None)
     generate(file, layout.root, variant, 0, quiet)
     assert digests(layout.root) == before
+
+
+def test_a_dataset_has_one_metering_whatever_happens_to_its_frames(
+    file: SceneFile, variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frame 1 has two passing errors while it is metered; frame 0 is given up at first only."""
+
+    def passing(renderer: FrameRenderer, spec: FrameSpec, *arguments: Any) -> Sampled:
+        if spec.index == 1 and errors:
+            raise RuntimeError(errors.pop())
+        return FrameRenderer._sampled(renderer, spec, *arguments)
+
+    if variant == PLAIN:
+        pytest.skip("a scalar variant has no sample table")
+
+    class Passing(FrameRenderer):
+        _sampled = passing
+
+    errors, ids = ["no light", "no light"], [name.frame_id for name in names(file)]
+    monkeypatch.setattr(dataset_workers, "FrameRenderer", Passing)
+    layout, failed = Layout(tmp_path / "data"), {ids[0]: DIED, ids[1]: "RuntimeError: no light"}
+    generate(file, layout.root, variant, 0, quiet, given_up={ids[0]: DIED})
+    check_frames(layout, set(ids[2:]), failed)
+    record = MeteringRecord.read(layout.metering)
+    assert (record.frames, record.failed) == ((ids[2],), failed)
+    before = digests(layout.root)
+    for tree in layout.trees:
+        shutil.rmtree(layout.shard(tree, 1))
+    generate(file, layout.root, variant, 0, quiet)
+    assert digests(layout.root) == before
+    # A second metering, of all frames, would differ.
+    layout.metering.unlink()
+    with pytest.raises(InputError, match=r"metering\.json: is damaged, .* differ from those"):
+        generate(file, layout.root, variant, 0, quiet)
 
 
 def test_an_impossible_push_is_recorded_by_the_command(

@@ -1,6 +1,7 @@
 """The strip of a lamp that the beam hides: shadows come from it, and no mean depends on it."""
 
 import copy
+import itertools
 from dataclasses import replace
 
 import drjit as dr
@@ -15,6 +16,7 @@ from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE, beam, world_
 from vbaa_bench.geometry.lamps import rectangle
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
+from vbaa_bench.render.device_array import index_of
 from vbaa_bench.render.hidden_strip import HiddenStrip
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.surface import RenderUnit, Surface
@@ -131,6 +133,31 @@ def test_a_beam_that_turns_back_or_passes_the_lamp_has_none() -> None:
     assert HiddenStrip.of(rings, facing_down) is None
     assert HiddenStrip.of(rings[20:], facing_down) is not None
     assert HiddenStrip.of(rings[20:] + np.array([0, 0, 4]), facing_down) is None
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.004])
+def test_a_beam_hides_nothing_from_points_that_are_not_behind_it(
+    rise: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Points in the plane of the lamp are on the lamp itself, if the camera sees it."""
+    (strip,) = world_of(TILTED, rise).hidden_strips.values()
+    z = np.asarray(strip.beam.z)
+    heights = [-3.0, 0.0, 1e-30, 0.5 * z.min(), z.min(), z.mean(), z[200]]
+    x = [0.0, *np.asarray(strip.beam.ends), strip.half_sides[0], 1e30]
+    points = np.array(list(itertools.product(x, [0.0, 3.0], heights)))
+    with dr.scoped_set_flag(dr.JitFlag.Debug, True):
+        for along in (0.0, 0.5, 1.0):
+            overlap = strip.overlap(mi.Point3f(*map(mi.Float, points.T)), mi.Float(along))
+            lower, length = (np.asarray(values) for values in overlap)
+            assert np.isfinite(lower).all()
+            assert (length[points[:, 2] <= z.min()] == 0).all()
+            assert ((length >= 0) & (length <= 1)).all()
+    assert "out-of-bounds" not in capfd.readouterr().err
+
+
+def test_places_outside_of_an_array_have_the_index_of_its_end() -> None:
+    places = mi.Float([-np.inf, -1, -0.0, 0.9, 1, 2.5, 3, 1e30, np.inf, np.nan])
+    assert np.asarray(index_of(places, 3)).tolist() == [0, 0, 0, 0, 1, 2, 2, 2, 2, 0]
 
 
 @pytest.mark.parametrize("distortion", [(), (-0.3, 0.0, 0.0, 0.0, 0.0)], ids=["ideal", "distorted"])
