@@ -42,13 +42,13 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+
+from solver.instrument.arrays import Floats
 
 SEEDS: Final = 20
 ENOUGH: Final = 5.0
 LARGEST_FALSE_ALARM: Final = 1e-5
 ROOT: Final = Path(__file__).parent.parent
-Floats = NDArray[np.float64]
 
 
 class Closest(NamedTuple):
@@ -81,7 +81,7 @@ def margin(seeds: Sequence[Closest]) -> float | None:
         return None
     if seeds[0].kind == "signed" and all(one.compared == 1 for one in seeds):
         return float((1.0 - abs(low.mean())) / low.std(ddof=1))
-    if seeds[0].kind == "signed":
+    if seeds[0].kind == "signed":  # the largest of several has either sign
         low = np.abs(low)
     if (low < 0).any() or (high < 0).any():
         slack = high - low
@@ -89,7 +89,7 @@ def margin(seeds: Sequence[Closest]) -> float | None:
         slack = np.log(high / low)
     else:
         slack = high ** (2 / 3) - low ** (2 / 3)
-    return float(slack.mean() / slack.std(ddof=1))
+    return float(slack.mean() / slack.std(ddof=1)) if np.ptp(slack) else None
 
 
 class Recorder:
@@ -188,7 +188,8 @@ class Recorder:
             marker = item.get_closest_marker("false_alarm")
             if marker is not None and marker.args[0] > LARGEST_FALSE_ALARM:
                 raise pytest.UsageError(f"{item.nodeid}: a false alarm is too frequent")
-        config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+        others = set(items) - set(kept)
+        config.hook.pytest_deselected(items=[item for item in items if item in others])
         items[:] = kept
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -425,7 +426,8 @@ def _print(runs: Sequence[Sequence[dict[str, Any]]]) -> int:
     short = [row for row in rows if row.margin is None or row.margin < ENOUGH]
     for row in short:
         if row.worst is None:
-            print(f"failed with seeds {', '.join(map(str, row.failed_seeds))}: {row.test}")
+            seeds = ", ".join(map(str, row.failed_seeds))
+            print(f"failed with VBAA_TEST_SEED = {seeds}: {row.test}")
         else:
             limit = f"{row.worst.low:.4g} < {row.worst.high:.4g}"
             print(f"{row.margin:6.1f}  {limit}  {row.where} {row.test.partition('::')[2]}")

@@ -15,7 +15,6 @@ from solver.instrument.beam_shape import BOW, BeamShape
 from solver.photographs.fit import Shown
 from solver.photographs.photo_set import Photograph, PhotoLoad, PhotoSet, Stated
 from solver.photographs.traced import TracedBeam
-from tests.draws import generator
 
 WIDTH, HEIGHT = 4000, 3000
 LENGTH, RIGIDITY = 0.4, 0.05
@@ -213,7 +212,7 @@ class SetSpec:
 
 def drawn_set(seed: int, spec: SetSpec) -> DrawnSet:
     """Draw a set from the priors that it states."""
-    rng = generator(__name__, seed)
+    rng = np.random.default_rng(seed)
 
     def normal(sigma: float) -> float:
         return spec.spread * sigma * float(np.clip(rng.standard_normal(), -2.5, 2.5))

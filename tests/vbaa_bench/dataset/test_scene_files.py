@@ -260,7 +260,7 @@ def drawn_rigs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SceneFile:
     """Two rigs with one of two meshes each, which are not rendered."""
     write_files(tmp_path)
     path = tmp_path / "scene.yaml"
-    text = SMALL_SCENE.replace("seed: 11", "seed: 11\nrigs: 2")
+    text = SMALL_SCENE + "rigs: 2\n"
     text += "object: {kind: mesh, file: {choice: [a.stl, meshes/b.stl]}}\n"
     path.write_text(text, encoding="utf-8")
     results = [RigResult(0, {"rig": "0", "reason": "too stiff"}, "too stiff")]
