@@ -78,7 +78,7 @@ def stuck(measurement):
 """
 
 
-def solved_rows(dataset: Path, folder: Path, method: str, **limits: float) -> list[dict[str, str]]:
+def solved_rows(dataset: Path, folder: Path, method: str, **limits: Any) -> list[dict[str, str]]:
     (folder / "hostile.py").write_text(HOSTILE.format(here=str(folder)), encoding="utf-8")
     out = folder / "out.csv"
     solve(Layout(dataset), f"hostile:{method}", out, 1, **limits)
@@ -192,7 +192,7 @@ def test_a_message_before_its_turn_is_refused(pair: Pair) -> None:
 
 def message(**changes: Any) -> dict[str, Any]:
     cells = row("frame", Estimate(Outcome.NO_CONTACT), 1.0) | changes.pop("row", {})
-    sent = {"traceback": "", "information": "", "faults": [], "peak_mb": None}
+    sent: dict[str, Any] = {"traceback": "", "information": "", "faults": [], "peak_mb": None}
     return {"index": 2, "row": cells, **sent, **changes}
 
 
