@@ -1,20 +1,16 @@
 """Stand-in for a pool of workers that copies what it should render from an intact dataset."""
 
-import json
 import shutil
 from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from solver.instrument.files import sha256
 from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.dataset_worker import WrittenShard
-from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.job import Ended, Job
-from vbaa_bench.render.sample_table import SampleTable
+from vbaa_bench.generation.metering_record import MeteringRecord
 
 
 class Restorer:
@@ -40,10 +36,8 @@ class Restorer:
                 self.jobs.append(job)
             yield Ended(job, getattr(self, job.method)(*job.arguments))
 
-    def meter(self, _given_up: object) -> Metering:
-        facts = json.loads(self.source.manifest.read_text())
-        table = SampleTable(np.array(facts["sample_table"]))
-        return Metering(facts["exposure_per_radiance"], table)
+    def meter(self, _given_up: object) -> MeteringRecord:
+        return MeteringRecord.read(self.source.metering)
 
     def image(self, name: str, _exposure: float) -> str:
         shutil.copy(self.source.observations / name, self._layout.observations / name)
