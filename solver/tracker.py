@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from solver.antenna import Antenna
 from solver.at_rest.image_shift import image_shift
+from solver.at_rest.interlacing import rows_alternate
 from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
@@ -22,6 +23,7 @@ from solver.to_measurement import to_measurement
 # Chosen: a longer push is thinned to every other frame, so that memory is bounded and the whole
 # push stays covered.
 MAX_PUSH_FRAMES = 32
+INTERLACED = "the image's rows alternate, as in interlaced video: record progressive images"
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,8 @@ class PushTracker:
             estimate = Estimate(Outcome.INVALID, str(error))
         except Exception as error:  # noqa: BLE001 - any failure is a row in the table
             estimate = Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
+        if line is not None and _is_unusable(estimate) and rows_alternate(image):
+            estimate = replace(estimate, message=f"{estimate.message}; {INTERLACED}")
         seconds = time.perf_counter() - start
         processor_seconds = time.process_time() - processor_start
         if measurement is not None:
@@ -131,6 +135,11 @@ def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
         return line
     shift = image_shift(antenna.at_rest.landmarks.shift_of(scaled), sigma)
     return replace(line, shift=shift.shift, shift_covariance=shift.covariance)
+
+
+def _is_unusable(estimate: Estimate) -> bool:
+    """Return whether an estimate without values may be due to the image."""
+    return not estimate.values and estimate.outcome is not Outcome.NO_CONTACT
 
 
 def _plain(image: Grey) -> Grey:
