@@ -23,4 +23,6 @@ def rows_alternate(image: Grey) -> bool:
     scatter = 1.4826 * float(np.median(np.abs(steps))) + 1.0  # the second for rounding
     large = np.where(np.abs(steps) > _SIGMAS * scatter, np.sign(steps), 0)
     alternating = (large[:-2] * large[1:-1] < 0) & (large[1:-1] * large[2:] < 0)
-    return bool(np.count_nonzero(alternating) > _MIN_SHARE * max(np.count_nonzero(large), 100))
+    # At least as if a hundred were large: a few pixels decide nothing.
+    n_large = max(int(np.count_nonzero(large)), 100)
+    return int(np.count_nonzero(alternating)) > _MIN_SHARE * n_large
