@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from solver.instrument.observation import Observations
 
 # Chosen: a printed board and an ordinary lens leave 0.05 to 0.2 px; above, the model is wrong.
 MAX_REPROJECTION_PX = 0.5
+# OpenCV's rational lens describes an equidistant fisheye of up to 140 degrees, to 0.01 px:
+# measured on points.
+MOST_COEFFICIENTS = 8
 # Share of a view's pixels with its largest gray value. Chosen: white squares fill more of it.
 OVEREXPOSED = 0.1
 
@@ -63,6 +67,13 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
             "check that rig.json describes the board in the views, and that "
             f"{rig.distortion_coefficients} coefficients describe the lens's distortion"
         )
+        if _is_wide_angle(observations, quarter_turns):
+            advice = (
+                "the lens distorts as a fisheye or a strong wide-angle lens does: use a lens that "
+                "keeps lines straight, or set camera.distortion_coefficients to "
+                f"{MOST_COEFFICIENTS} instead of {rig.distortion_coefficients}, with views that "
+                "fill the image"
+            )
         if calibration.stretch is not None and calibration.stretch.is_significant:
             advice = calibration.stretch.sentence
         if _overexposed(next(observations.read_board_views())):
@@ -88,6 +99,18 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
     uncertainty = calibration_uncertainty(calibration, rig)
     return Antenna(rig, calibration, at_rest, uncertainty.clamp, uncertainty.scale, scale)
+
+
+def _is_wide_angle(observations: Observations, quarter_turns: int) -> bool:
+    """Return whether more distortion coefficients than the rig's describe the lens."""
+    rig = observations.rig
+    if rig.telecentric or rig.distortion_coefficients == MOST_COEFFICIENTS:
+        return False
+    with contextlib.suppress(InputError):
+        wider = replace(rig, distortion_coefficients=MOST_COEFFICIENTS)
+        calibration = calibrate(observations.read_board_views(), wider, quarter_turns)
+        return calibration.reprojection_px <= MAX_REPROJECTION_PX
+    return False
 
 
 def _overexposed(view: Grey) -> bool:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from solver.antenna import Antenna
 from solver.at_rest.image_shift import image_shift
+from solver.at_rest.interlacing import rows_alternate
 from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError, described
@@ -23,6 +24,7 @@ from solver.to_measurement import to_measurement
 # Chosen: a longer push is thinned to every other frame, so that memory is bounded and the whole
 # push stays covered.
 MAX_PUSH_FRAMES = 32
+INTERLACED = "the image's rows alternate, as in interlaced video: record progressive images"
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,8 @@ class PushTracker:
         except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
             estimate = Estimate(Outcome.CRASHED, described(error))
             trace = "".join(traceback.format_exception(error))
+        if line is not None and _is_unusable(estimate) and rows_alternate(image):
+            estimate = replace(estimate, message=f"{estimate.message}; {INTERLACED}")
         seconds = time.perf_counter() - start
         processor_seconds = time.process_time() - processor_start
         if measurement is not None:
@@ -144,6 +148,11 @@ def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
         return line
     shift = image_shift(antenna.at_rest.landmarks.shift_of(scaled), sigma)
     return replace(line, shift=shift.shift, shift_covariance=shift.covariance)
+
+
+def _is_unusable(estimate: Estimate) -> bool:
+    """Return whether an estimate without values may be due to the image."""
+    return not estimate.values and estimate.outcome is not Outcome.NO_CONTACT
 
 
 def _plain(image: Grey) -> Grey:

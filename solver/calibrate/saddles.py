@@ -75,7 +75,9 @@ def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
     InputError if the markers are mirrored.
     """
     # At twice the size, marker bits of two pixels are readable.
-    enlarged = cv2.resize(eight_bit(view), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    enlarged = np.asarray(
+        cv2.resize(eight_bit(view), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8
+    )
     detection = _marked_corners(enlarged, board)
     if detection is None:
         mirrored = _marked_corners(np.ascontiguousarray(enlarged[:, ::-1]), board)

@@ -35,7 +35,7 @@ def csv_rows(path: Path, max_bytes: int | None = None) -> Iterator[CsvRow]:
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator, restval="")
     try:
         for row in reader:
-            if any(row.pop(None, ())):  # the key of cells to spare
+            if any(row.pop(None, ())):  # the key of the cells to spare
                 raise InputError(
                     f"{path}:{reader.line_num}: has more cells than the table has columns; a "
                     "number with a decimal comma is two cells: write decimal points"

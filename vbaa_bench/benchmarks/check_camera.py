@@ -132,10 +132,11 @@ def _field(camera: Camera, length: float) -> Floats:
 
 def _point_sigmas(errors: Floats, pixels: Floats, calibration: Calibration, nominal: Rig) -> Floats:
     """Compute the Mahalanobis distances (n,) of the errors (n, 2) [m] of points on plane C."""
+    assert calibration.covariance is not None
     jacobian = plane_jacobian(calibration, nominal, pixels)
     covariance = jacobian @ calibration.covariance @ jacobian.transpose(0, 2, 1)
     weighted = np.linalg.solve(covariance, errors[..., None])[..., 0]
-    return np.sqrt((errors * weighted).sum(axis=1))
+    return np.asarray(np.sqrt((errors * weighted).sum(axis=1)))
 
 
 def _pose_error(estimated: Floats, true: Floats) -> Floats:
