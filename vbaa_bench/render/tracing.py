@@ -110,12 +110,13 @@ def _random(seed: int, column: Any, row: Any, number: Any) -> Any:
     Its numbers do not depend on the other pixels: where another processor rounds differently, and
     one pixel more or less is sampled, the others keep their values.
     """
+    mitsuba: Any = mi  # its type information has neither function
     # Two rounds of a cipher (TEA): different pixels have different states.
-    first, second = mi.sample_tea_32(mi.UInt32(column), mi.UInt32(row))
+    first, second = mitsuba.sample_tea_32(mi.UInt32(column), mi.UInt32(row))
     # Opaque: a literal would be compiled into the kernel, anew for each seed.
     opaque_seed = dr.opaque(mi.UInt32, seed % 2**32)
-    state, stream = mi.sample_tea_32(first + opaque_seed, second + number)
-    return mi.PCG32(1, mi.UInt64(state), mi.UInt64(stream))
+    state, stream = mitsuba.sample_tea_32(first + opaque_seed, second + number)
+    return mitsuba.PCG32(1, mi.UInt64(state), mi.UInt64(stream))
 
 
 def _whole(
@@ -168,7 +169,7 @@ def _shifts(world: World, scene: Any, random: Any) -> list[Any]:
     """Draw random pairs for the ray, and for each bounce one for each emitter and _BOUNCE more."""
     lights = len(scene.emitters())
     count = world.optics.dimensions + lights + (world.bounces - 1) * (_BOUNCE + lights)
-    random = mi.PCG32(random)  # a frozen function must not change its arguments
+    random = type(random)(random)  # a copy: a frozen function must not change its arguments
     return [mi.Point2f(random.next_float32(), random.next_float32()) for _ in range(count)]
 
 
