@@ -16,7 +16,7 @@ from vbaa_bench.render.affected_pixels import shadows
 from vbaa_bench.render.interpolated import Interpolated
 from vbaa_bench.render.layers import Layers, every_pixel, layers
 from vbaa_bench.render.pilots import PILOT_SAMPLES, Noise, PixelTargets, dilated, pilots
-from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds
+from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds, rounded
 from vbaa_bench.render.tracing import SETS, Quantity, trace
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
@@ -233,7 +233,8 @@ class _Canvas:
             predicted = targets.table.predicted(kind, PILOT_SAMPLES, pilot.excess)
             corrected = targets.table.corrected(kind, predicted)
             fewest = targets.fewest_samples(where)
-            size = np.clip(np.ceil(np.maximum(corrected, fewest)), MIN_SAMPLES, MAX_SAMPLES)
+            needed = np.clip(np.maximum(corrected, fewest), MIN_SAMPLES, MAX_SAMPLES)
+            size = np.ceil(rounded(needed))
             # A correction divides by the probability: an outlier would be larger.
             smooth = pilot.smooth.rendered_if((corrected > MIN_SAMPLES) | (fewest > 0))
             self.kind[where], self.predicted[where] = kind, predicted

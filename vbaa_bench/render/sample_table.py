@@ -25,11 +25,10 @@ _STEP, _ROWS = 2**0.5, 19
 # The learned ratio of variances is that of the pixels and of this many more with the ratio 1.
 # Chosen: the variance of one pixel has one degree of freedom, so few pixels determine little.
 _PRIOR_PIXELS = 20
-# Factors are whole powers of this: on a processor that rounds differently they are equal in nearly
-# all cases, and with them the numbers of samples. Chosen: rounding by half a step, 9 %, changes the
-# noise by 5 %, and the factors differ by about 1e-4 before rounding (measured with vectors of 4 and
-# 8 values).
-_FACTOR_STEP = 2**0.25
+# Factors and numbers of samples are whole powers of this: they follow from variances, which differ
+# by about 1e-4 on a processor that rounds differently (measured), and are then equal in nearly all
+# pixels. Chosen: rounding by half a step, 9 %, changes the noise by 5 %.
+_ROUNDING_STEP = 2**0.25
 # Range of the change of a factor by one round. Chosen: predictions may be ten times too high.
 _SMALLEST_CHANGE, _LARGEST_CHANGE = 0.1, 3.0
 
@@ -75,7 +74,12 @@ class SampleTable:
         ratio = (total + _PRIOR_PIXELS) / (count + _PRIOR_PIXELS)
         change = ratio.reshape(self.factors.shape) ** (1 / _DECAYS[:, None])
         factors = self.factors * np.clip(change, _SMALLEST_CHANGE, _LARGEST_CHANGE)
-        return type(self)(_FACTOR_STEP ** np.rint(np.log(factors) / np.log(_FACTOR_STEP)))
+        return type(self)(rounded(factors))
+
+
+def rounded(values: Floats) -> Floats:
+    """Round positive values (n,) to whole powers of _ROUNDING_STEP."""
+    return np.asarray(_ROUNDING_STEP ** np.rint(np.log(values) / np.log(_ROUNDING_STEP)))
 
 
 def _rows(predicted: Floats) -> npt.NDArray[np.intp]:
