@@ -22,6 +22,8 @@ from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import DIED
 from vbaa_bench.generation.job import Job, WorkerDiedError
 
+ROOT = Path(__file__).parents[3]
+
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[ClusterAddress]:
@@ -106,7 +108,10 @@ def test_an_address_is_checked_before_anything_is_started(
 
 # dask-jobqueue leaves the pipes of its local processes open.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_file_starts_its_own_cluster(tmp_path: Path) -> None:
+def test_a_file_starts_its_own_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A worker imports nothing from the folder where it starts, and the test's object is not
+    # installed.
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
     path = tmp_path / "here.yaml"
     path.write_text("cluster: local\njobs: 1\nmemory: 1GB\n")
     with ClusterPool(ClusterAddress.checked(str(path)), PoisonedWorker, (tmp_path,), print) as pool:
