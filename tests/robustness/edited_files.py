@@ -211,6 +211,8 @@ class Laboratory:
                 details.append(f"{REFUSED}: {error}")
             except _InterruptError:
                 details.append("interrupted")
+                if not Layout(root).identity.is_file():
+                    break  # nothing was written: a dataset of the edited file would be right
         for path in scenes.rglob("*.*"):
             path.unlink()
         shutil.copytree(self.files, scenes, dirs_exist_ok=True)

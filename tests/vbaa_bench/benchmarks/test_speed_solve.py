@@ -125,7 +125,7 @@ def test_a_first_start_finds_nothing_compiled_and_a_cold_one_what_there_is(
     kept: list[tuple[str, str | None, bool]] = []
 
     def run(command: list[str], **how: Any) -> subprocess.CompletedProcess[str]:
-        verb, method = command[3], command[5]
+        verb, method = command[4], command[6]
         folder = how["env"].get("NUMBA_CACHE_DIR")
         kept.append((verb, folder, folder is None or not any(Path(folder).iterdir())))
         methods = {name: dict[str, Any]() for name in ("two_point", "exact_fit")}

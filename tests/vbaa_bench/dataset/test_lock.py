@@ -56,7 +56,7 @@ def test_a_folder_is_synced_only_where_it_can_be_opened(
         windows.setattr("os.open", refused)
         with pytest.raises(PermissionError):
             sync_folder(tmp_path)
-        windows.setattr("os.name", "nt")
+        windows.setattr("solver.instrument.files._IS_WINDOWS", True)
         sync_folder(tmp_path)
 
 

@@ -20,7 +20,7 @@ from vbaa_bench.exports.export import export
 
 def edit_readings(layout: Layout) -> None:
     path = layout.shard(layout.observations, 0) / "metadata.csv"
-    path.write_text(path.read_text().replace("0.1", "0.2"), encoding="utf-8")
+    path.write_text(f"{path.read_text().rstrip()}1\n", encoding="utf-8")  # a digit more
 
 
 def edit_manifest(layout: Layout) -> None:

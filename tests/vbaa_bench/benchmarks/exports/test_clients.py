@@ -98,7 +98,7 @@ def test_an_environment_is_installed_once(tmp_path: Path, monkeypatch: pytest.Mo
     environments.environment("clients", tmp_path)
     environments.environment("clients", tmp_path)
     assert len(commands) == 2
-    assert commands[1][3:6] == ["install", "--quiet", "--no-deps"]
+    assert commands[1][4:7] == ["install", "--quiet", "--no-deps"]
     (tmp_path / "clients" / "installed").write_text("other versions", encoding="utf-8")
     failed = subprocess.CompletedProcess([], 1, "", "no space left")
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
