@@ -122,7 +122,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     needed = math.ceil(guide.radius_px + FIRST_REACH_PX) + 1
     if clear < needed:
         raise InputError(
-            f"{second_line}; it begins {clear:.0f} px from the beam's axis, needed are {needed}"
+            f"{second_line}; it begins {clear:.1f} px from the beam's axis, needed are {needed}"
         )
     rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale, clear)
     reach = guide.radius_px + FIRST_REACH_PX
