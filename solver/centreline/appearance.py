@@ -1,5 +1,6 @@
 """Appearance of the beam at rest: polarity, width and shading, learned from the rest images."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,8 +19,9 @@ from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile, tilt_response
 from solver.centreline.profile_fit import MARGIN
-from solver.centreline.rest_columns import RestColumns, Shape, check_count, half_width
+from solver.centreline.rest_columns import RestColumns, Shape, check_count
 from solver.centreline.rest_line import find_rest_line
+from solver.centreline.second_line import SecondLine
 from solver.centreline.section_on_ground import section_on_ground
 from solver.centreline.section_search import find_section
 from solver.centreline.stations import Stations, stations
@@ -46,7 +48,7 @@ class Appearance:
     either side are fitted. `radius` [px] is that of the rig for a round beam: the section's follows
     the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
     ground without structure. A profile that `is_sampled` is that of the images, not that of the
-    section.
+    section. `second_line` describes a line beside the beam, "" if there is none.
     """
 
     polarity: int
@@ -63,6 +65,7 @@ class Appearance:
     full_scale: int
     ground_at_rest: Ground | None = None
     is_sampled: bool = False
+    second_line: str = ""
 
     @property
     def shading(self) -> float:
@@ -114,7 +117,14 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
             f"the rest images show {len(places)} columns of the beam, "
             f"needed are {LIMITS.min_stations}"
         )
-    rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale)
+    second_line = "" if line.second is None else _sentence(line.second, guide)
+    clear = math.inf if line.second is None else line.second.clear_px
+    needed = math.ceil(guide.radius_px + FIRST_REACH_PX) + 1
+    if clear < needed:
+        raise InputError(
+            f"{second_line}; it begins {clear:.1f} px from the beam's axis, needed are {needed}"
+        )
+    rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale, clear)
     reach = guide.radius_px + FIRST_REACH_PX
     ground = learn_ground(images, beam, reach, noise, int(reach + 0.5) + MARGIN)
     if ground is not None:
@@ -136,7 +146,24 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
             f"curve, allowed is {LIMITS.max_scatter_px:g}: the ground's structure hides the beam"
         )
     radius = look.section.radius * guide.pixel
+    look = replace(look, second_line=second_line)
     return look, replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
+
+
+def _sentence(second: SecondLine, guide: Guide) -> str:
+    """Describe a line beside the beam by its distance, side and contrast, with what to do."""
+    across = guide.pixel * second.offset
+    here, there = guide.pixels(np.array([[0.5 * guide.length, 0.0], [0.5 * guide.length, across]]))
+    right, down = there - here
+    if abs(down) >= abs(right):
+        side = "below" if down > 0 else "above"
+    else:
+        side = "right of" if right > 0 else "left of"
+    return (
+        f"the rest images show a second line parallel to the beam, {abs(second.offset):.0f} px "
+        f"{side} it, with {abs(second.contrast):.2g} times its contrast: a shadow, a reflection or "
+        "another wire; remove it, or move the lamp or the ground"
+    )
 
 
 def _sampled(rest: RestColumns) -> EffectiveProfile | None:
@@ -144,7 +171,7 @@ def _sampled(rest: RestColumns) -> EffectiveProfile | None:
 
     Return None if too few columns are within the image and below full scale.
     """
-    half = half_width(_nominal(rest))
+    half = rest.half_width(_nominal(rest))
     columns = read_columns(rest.images, rest.places, half, rest.noise, rest.full_scale)
     sampled = effective_profile(columns, half - MARGIN, rest.polarity)
     if sampled is None:
@@ -185,7 +212,7 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
         misfit=max(1.0, shape.misfit),
         sigma_px=float(np.sqrt(max(shape.scatter**2 - noise_variance, 0.0))),
         ground=float(np.median([np.median(f.background[good]) for f in fits])),
-        half=half_width(shape.section),
+        half=rest.half_width(shape.section),
         radius=radius or shape.section.radius,
         full_scale=rest.full_scale,
         is_sampled=sampled is not None and shape.table is sampled,
@@ -215,7 +242,7 @@ def _look_before(
     section, off_path = look.section, rest.places.sense * look.off_path
     places = replace(rest.places, start=rest.places.start + off_path)
     reach = section.radius + 2.5 * section.spread + 0.5
-    half = half_width(section)
+    half = rest.half_width(section)
     moved = _moved(beam, rest.places, off_path)
     ground = learn_ground(rest.images, moved, reach, rest.noise, half) or ground
     table = profile(section)

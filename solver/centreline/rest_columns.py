@@ -21,7 +21,7 @@ class RestColumns:
     """Rest images, and the stations where the beam crosses their columns.
 
     `polarity` is 1 for a beam brighter than its background and -1 for a darker one; `radius` [px]
-    is the rig's.
+    is the rig's. Another line is farther than `clear` pixels from the beam.
     """
 
     images: Sequence[Grey]
@@ -30,6 +30,11 @@ class RestColumns:
     polarity: int
     radius: float
     full_scale: int
+    clear: float = math.inf
+
+    def half_width(self, section: Section) -> int:
+        """Return the pixels on either side that show the section, a margin, and no other line."""
+        return int(min(half_width(section), self.clear))
 
     def table(self, section: Section) -> Profile:
         """Tabulate a section's profiles along the beam at rest."""
@@ -60,7 +65,7 @@ class RestColumns:
 
     def shape(self, section: Section, table: Profile) -> "Shape":
         """Fit a section's profile, and measure what it leaves. Raises InputError."""
-        fits = self.fits(table, half_width(section))
+        fits = self.fits(table, self.half_width(section))
         centre, good = self.mean_centre(fits)
         check_count(good)
         residual = (centre - self.smooth(centre, good))[good]

@@ -15,6 +15,7 @@ from solver.centreline.guide import LINES, Guide
 from solver.centreline.line_sums import Line, Sheet, line_at, line_sums, straightened
 from solver.centreline.matched_line import find_matched_line
 from solver.centreline.noise import ROUNDING
+from solver.centreline.second_line import GROUND_PX, SecondLine, across, find_second_line
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
@@ -34,12 +35,13 @@ class RestLine(NamedTuple):
     """The beam at rest: `places` (n, 2) [m] of the beam's frame.
 
     `polarity` is 1 for a beam brighter than its ground, and -1 for a darker one; `width` is that of
-    the detection, over the rig's diameter.
+    the detection, over the rig's diameter; `second` is a line beside it, if there is one.
     """
 
     places: Floats
     polarity: int
     width: int
+    second: SecondLine | None
 
 
 def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestLine | None:
@@ -58,7 +60,10 @@ def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestLi
     x = np.linspace(0.0, 1.06, 96)
     y = line_at(x, line.tip, line.bow) + line.offset
     places = np.column_stack([guide.length * x, guide.pixel * y])
-    return RestLine(places, line.polarity, line.width)
+    radius = line.width * guide.radius_px
+    means = across(sheet, line, radius)
+    second = None if means is None else find_second_line(means, line.polarity, radius)
+    return RestLine(places, line.polarity, line.width, second)
 
 
 def _trials(guide: Guide, step: float) -> tuple[Floats, Floats]:
@@ -99,9 +104,25 @@ def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line
             contrast = float(fine[tip, bow, offset])
             if contrast > max(largest, middle + LIMITS.min_line_sigmas * by_chance):
                 start = sheet.offset[near][offset]
-                best = Line(finer[0][tip], finer[1][bow], start, polarity, width)
-                largest = contrast
+                line = Line(finer[0][tip], finer[1][bow], start, polarity, width)
+                if not _is_gap(sheet, line, contrast, width * guide.radius_px):
+                    best, largest = line, contrast
     return best
+
+
+def _is_gap(sheet: Sheet, line: Line, contrast: float, radius: float) -> bool:
+    """Return whether a line is the ground between two others, of the other polarity."""
+    means = across(sheet, line, radius)
+    if means is None:
+        return False
+    relief, least = line.polarity * means.relief, LIMITS.min_relief * contrast
+    own = np.abs(means.offset) <= radius + 1
+    sides = [
+        relief[(means.offset * side > 0) & (np.abs(means.offset) <= 2 * radius + GROUND_PX)]
+        for side in (-1, 1)
+    ]
+    lines_beside = all(side.min(initial=0.0) < -least for side in sides)
+    return lines_beside and bool(relief[own].max() < least)
 
 
 def _contrasts(sums: Floats, core: int, polarity: int) -> Floats:

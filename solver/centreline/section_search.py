@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from solver.centreline.profile import Section
-from solver.centreline.rest_columns import RestColumns, half_width
+from solver.centreline.rest_columns import RestColumns
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
@@ -108,7 +108,7 @@ def _best(rest: RestColumns, starts: Sequence[tuple[float, ...]], misfit_unit: f
 def _half(rest: RestColumns, p: Floats) -> int:
     """Return the pixels on either side that parameters (5,) need; 0 if they are absurd."""
     section = _section(p, rest.radius)
-    return 0 if section is None else half_width(section)
+    return 0 if section is None else rest.half_width(section)
 
 
 def _search(rest: RestColumns, start: Floats, search: _Search, criterion: _Criterion) -> Floats:
@@ -148,6 +148,6 @@ def _promises_taper(rest: RestColumns, p: Floats, criterion: _Criterion) -> bool
 def _misfit(rest: RestColumns, p: Floats) -> float:
     """Compute the median chi^2 per degree of freedom of a section's fits; at least 1."""
     section = _section(p, rest.radius)
-    fits = [] if section is None else rest.fits(rest.table(section), half_width(section))
+    fits = [] if section is None else rest.fits(rest.table(section), rest.half_width(section))
     misfits = [f.chi2 / np.maximum(f.dof, 1) for f in fits if np.isfinite(f.sigma).any()]
     return max(1.0, float(np.median(misfits))) if misfits else 1.0

@@ -25,6 +25,18 @@ class CentrelineThresholds(NamedTuple):
     # Mean contrast along a beam at rest, in robust sigmas of that along lines elsewhere. Chosen: of
     # thousands of lines along a texture, the best reaches 4, and the weakest visible beam 9.
     min_line_sigmas: float = 6.0
+    # Difference of a beam at rest from the ground about it, over that from its two sides. Chosen:
+    # between two lines it is 0 for the ground, and -1 for the lines.
+    min_relief: float = 0.5
+    # Contrast of a second line beside the beam at rest, over the beam's. Chosen.
+    min_second_contrast: float = 0.05
+    # Distance [px] of its middle from the beam's edge, where the beam's contrast has fallen to the
+    # share `beam_edge`. Chosen.
+    min_gap_px: float = 1.5
+    beam_edge: float = 0.1
+    # Relief on the beam's other side that makes a line of opposite sign a flank of sharpening, over
+    # its own. Chosen: a beam that is lit from one side has flanks of less different heights.
+    flank_symmetry: float = 0.5
     # Fewest pixels of a column: four parameters and two degrees of freedom. Derived.
     min_pixels: int = 6
     # Range of a column's amplitude, over the amplitude at rest. Chosen.

@@ -24,7 +24,7 @@ class Finding(NamedTuple):
 
 def findings(antenna: Antenna) -> tuple[Finding, ...]:
     """List the contradictions among board views, rest images and rig.json."""
-    checks = (_stretched, _copies, _left_out, _bent, _scale, _pose, _landmarks)
+    checks = (_stretched, _copies, _left_out, _second_line, _bent, _scale, _pose, _landmarks)
     return tuple(finding for check in checks for finding in check(antenna))
 
 
@@ -51,6 +51,12 @@ def _left_out(antenna: Antenna) -> Iterator[Finding]:
             f"distinct rest image {numbers} was rejected: its beam is displaced from the "
             "others (touched or swinging)",
         )
+
+
+def _second_line(antenna: Antenna) -> Iterator[Finding]:
+    detector = antenna.extract.detector
+    if detector is not None and detector.appearance.second_line:
+        yield Finding("second_line", detector.appearance.second_line)
 
 
 def _bent(antenna: Antenna) -> Iterator[Finding]:

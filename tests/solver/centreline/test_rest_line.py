@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
+from solver.centreline.appearance import learn_appearance
+from solver.centreline.extractor import BeamExtractor
+from solver.centreline.guide import Guide
 from solver.centreline.rest_line import find_rest_line
 from solver.instrument.arrays import Floats
-from tests.beam_images import HEIGHT, WIDTH, Look, bent, drawn, guide
+from solver.instrument.errors import InputError
+from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
 from tests.draws import generator
 from tests.solver.centreline.test_ground import felt
 
@@ -79,3 +84,73 @@ def test_a_bowed_beam_is_followed() -> None:
     inside = (pixels[:, 0] > u0 + 5) & (pixels[:, 0] < u1 - 5)
     expected = np.interp(pixels[inside, 0], np.arange(WIDTH), course)
     assert np.abs(pixels[inside, 1] - expected).max() < 1.0
+
+
+def beside(offset_px: float, contrast: float, radius_px: float) -> tuple[Floats, Guide]:
+    """Draw a beam with a line beside it, of a `contrast` over its own."""
+    look = Look(radius_px=radius_px)
+    light = drawn(guide(), bent(0.0, tilt=0.02), look)
+    line = bent(0.0, tilt=0.02, offset=offset_px * guide().pixel)
+    light += contrast * (drawn(guide(), line, look) - look.ground)
+    return light, replace(guide(), radius=radius_px * guide().pixel)
+
+
+@pytest.mark.parametrize("offset", [-14.0, -9.0, -5.0, 5.0, 7.0, 9.0])
+@pytest.mark.parametrize("contrast", [-0.15, 0.15])
+def test_a_line_beside_the_beam_is_measured(
+    offset: float, contrast: float, random: np.random.Generator
+) -> None:
+    """A shadow of a thin beam, or a reflection: noise moves them by hundredths of a pixel."""
+    light, seen_by = beside(offset, contrast, 0.8)
+    line = find_rest_line(Sensor()(light, random).astype(float), seen_by, (1, 2))
+    assert line is not None
+    assert line.second is not None
+    assert line.second.offset == pytest.approx(offset, abs=0.3)
+    assert np.sign(line.second.contrast) == np.sign(contrast)
+
+
+@pytest.mark.parametrize("contrast", [0.9, 1.0, 2.0])
+def test_the_ground_between_two_wires_is_no_beam(
+    contrast: float, random: np.random.Generator
+) -> None:
+    """The ground between bright wires 9 px apart is darker than both."""
+    light, seen_by = beside(9.0, contrast, 2.0)
+    line = find_rest_line(Sensor()(light, random).astype(float), seen_by, (1, 2))
+    assert line is not None
+    assert line.polarity == 1
+    assert line.second is not None
+    assert line.second.offset == pytest.approx(9.0, abs=0.3)
+
+
+@pytest.mark.parametrize("radius_px", [0.4, 0.8, 2.0, 4.0])
+@pytest.mark.parametrize("sharpened_px", [None, 1.0, 2.0, 3.0])
+def test_a_beam_alone_has_no_line_beside_it(
+    radius_px: float, sharpened_px: float | None, random: np.random.Generator
+) -> None:
+    light, seen_by = beside(9.0, 0.0, radius_px)
+    image = Sensor()(0.7 * light + 0.1, random).astype(float)
+    if sharpened_px is not None:
+        image += 2 * (image - gaussian_filter(image, sharpened_px))
+    line = find_rest_line(image, seen_by, (1, 2))
+    assert line is not None
+    assert line.second is None
+
+
+@pytest.mark.parametrize("contrast", [-0.15, 0.15])
+def test_a_shadow_that_is_too_near_is_named(contrast: float, random: np.random.Generator) -> None:
+    light, seen_by = beside(5.0, contrast, 0.8)
+    images = [Sensor()(light, random) for _ in range(2)]
+    with pytest.raises(InputError, match=r"a second line parallel to the beam, 5 px above it"):
+        learn_appearance(images, seen_by)
+
+
+def test_a_wire_beside_the_beam_does_not_move_it(random: np.random.Generator) -> None:
+    """The wire begins where the pixels of the profile fit end."""
+    light, seen_by = beside(9.0, 1.0, 2.0)
+    images = [Sensor()(light, random) for _ in range(2)]
+    look, turned = learn_appearance(images, seen_by)
+    assert "a second line parallel to the beam, 9 px above it" in look.second_line
+    centreline = BeamExtractor(look, turned)(images[0])
+    off = distances(centreline.points, guide().pixels(bent(0.0, tilt=0.02)))
+    assert len(off) > 200
+    assert abs(np.median(off)) < 0.1
