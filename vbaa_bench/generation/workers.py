@@ -69,8 +69,8 @@ class Pool:
     The first argument of every method is a function to call after each finished piece. Processes
     are spawned, not forked: a renderer's threads do not survive a fork. They start with the first
     jobs, and end when their parent ends, for whatever reason. A process that dies takes only its
-    own job with it, and another takes its place. So does one whose memory has grown by GROWTH_MB,
-    after its job.
+    own job with it, and another takes its place. One whose memory has grown by GROWTH_MB since its
+    first job is replaced after its job.
     """
 
     def __init__(self, count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:

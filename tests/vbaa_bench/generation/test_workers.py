@@ -70,7 +70,7 @@ def test_a_worker_whose_memory_has_grown_is_replaced_after_its_job(
         len(numbers) // jobs_each
     )
     first_mb = min(result.memory_mb for result in results)
-    # What the first job has left is 0 to 5 MB less in one process than in another.
+    # Fresh processes need the same memory, up to a few MB.
     assert max(result.memory_mb for result in results) < first_mb + kept_mb * (jobs_each - 1) + 20
 
 
@@ -88,7 +88,7 @@ def test_an_interrupt_while_workers_are_replaced_leaves_no_process(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def interrupted(pieces: int) -> None:
-        if pieces == 2:
+        if pieces >= 2:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(workers, "GROWTH_MB", -1.0)
