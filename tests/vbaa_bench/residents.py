@@ -1,18 +1,41 @@
 """Residents of worker processes, in a module that is imported in no time."""
 
+import atexit
 import os
 import signal
 import time
 from collections.abc import Callable
+from typing import NamedTuple
+
+from vbaa_bench.generation.process_memory import own_memory_mb
+
+
+class Grown(NamedTuple):
+    """A job's number, and its process and memory [MB]."""
+
+    number: int
+    pid: int
+    memory_mb: float
 
 
 class Resident:
-    """Says in which process it lives."""
+    """Says in which process it lives, and keeps what it is given."""
 
-    def __init__(self, *_: object) -> None: ...
+    def __init__(self, *_: object) -> None:
+        self._kept = list[bytes]()
+
+    def grow(self, tick: Callable[[], None], number: int, kept_mb: int) -> Grown:
+        self._kept.append(b"1" * (kept_mb * 10**6))
+        tick()
+        return Grown(number, os.getpid(), own_memory_mb())
 
     def pid(self, _tick: Callable[[], None]) -> int:
         return os.getpid()
+
+    def grow_and_break(self, _tick: Callable[[], None], number: int) -> int:
+        """Return the number; the process is killed while it ends."""
+        atexit.register(os.kill, os.getpid(), signal.SIGKILL)
+        return number
 
     def slow(self, tick: Callable[[], None]) -> None:
         tick()

@@ -1,5 +1,6 @@
 """Generation of a collection: many random rigs of one scene, each a dataset in one folder."""
 
+import gc
 import shutil
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,7 +21,6 @@ from vbaa_bench.generation.generate import Machine, generate
 from vbaa_bench.generation.impossible import check_files
 from vbaa_bench.generation.job import ImageError, Job
 from vbaa_bench.generation.plan import accepted_rig
-from vbaa_bench.render.world import release_kernels
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
@@ -153,7 +153,9 @@ class RigGenerator:
         except InputError as error:
             reason = str(error).replace(f"{self.file.folder}/", "")
         finally:
-            release_kernels()
+            # A renderer refers to itself. Until it is freed, Dr.Jit compiles its materials into the
+            # kernels of the next rig.
+            gc.collect()
         return RigResult(number, rig_row(self.file, number, scene, reason, failed), reason)
 
 

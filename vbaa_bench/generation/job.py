@@ -40,3 +40,14 @@ class Ended(NamedTuple):
     job: Job
     result: Any
     death: WorkerDiedError | None = None
+
+
+class Message(NamedTuple):
+    """What a worker sends when a piece of its job is finished, or the job itself has `ended`.
+
+    `result` is that of the job, or the error in it. After the `last` one the process ends.
+    """
+
+    ended: bool
+    result: Any = None
+    last: bool = False

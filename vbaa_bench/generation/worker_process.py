@@ -1,4 +1,7 @@
-"""A worker process: it builds one object, runs jobs on it, and ends with its parent."""
+"""A worker process: it builds one object and runs jobs on it, until its memory has grown.
+
+It ends with its parent.
+"""
 
 import contextlib
 import multiprocessing
@@ -13,27 +16,37 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from solver.instrument.quick_imports import quick_imports
-from vbaa_bench.generation.job import Job, WorkerStartError
+from vbaa_bench.generation.job import Job, Message, WorkerStartError
+from vbaa_bench.generation.process_memory import own_memory_mb
 
 
 class _InterruptedError(BaseException):
     """The parent has been interrupted, so a worker's result is no longer needed."""
 
 
-def serve(connection: Connection) -> None:
-    """Run jobs in a worker until the parent has no more. An error in building ends the first."""
+def serve(connection: Connection, growth_mb: float) -> None:
+    """Run jobs in a worker until the parent has no more, or the worker has grown too much.
+
+    The job after which resident memory is more than `growth_mb` above that after the first job is
+    the last. An error in building ends the first job.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
     def piece_done() -> None:
-        connection.send((False, None))
+        connection.send(Message(ended=False))
         if connection.poll():  # the parent waits for the result, unless it ends this process
             raise _InterruptedError
 
     resident = _build(connection.recv_bytes())
+    first_mb, last = None, False
     with contextlib.suppress(_InterruptedError):
-        while (job := connection.recv()) is not None:
-            connection.send((True, _result(resident, job, piece_done)))
+        while not last and (job := connection.recv()) is not None:
+            result = _result(resident, job, piece_done)
+            memory_mb = own_memory_mb()
+            first_mb = memory_mb if first_mb is None else first_mb
+            last = memory_mb - first_mb > growth_mb
+            connection.send(Message(True, result, last))
     connection.close()
 
 

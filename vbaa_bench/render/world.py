@@ -9,7 +9,7 @@ import gc
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, Final
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -53,24 +53,6 @@ def _without_garbage_collection(function: Callable[..., Any]) -> Callable[..., A
                 gc.enable()
 
     return call
-
-
-# All worlds of this process.
-_WORLDS: Final = weakref.WeakSet["World"]()
-
-
-def release_kernels() -> None:
-    """Free the compiled kernels of worlds that are gone, if no world is left.
-
-    Worlds with other paints, lights or lenses have other kernels, which Dr.Jit keeps in memory for
-    the life of the process: 2 to 6 MB for each random rig. They remain in its cache on disk. The
-    frozen functions of a world that exists use its kernels.
-    """
-    gc.collect()  # a world and its renderer refer to each other
-    if not (_WORLDS or is_scalar()):
-        dr.sync_thread()
-        dr.flush_kernel_cache()
-        dr.flush_malloc_cache()
 
 
 class World:
@@ -130,7 +112,6 @@ class World:
         self.pieces = {name: pieces(surfaces[name].mesh.faces) for name in self.moving}
         self._frozen: dict[Callable[..., Any], Callable[..., Any]] = {}
         self._has_moved = False
-        _WORLDS.add(self)
 
     def _scene(self, meshes: Mapping[str, Any]) -> Any:
         """Load the lights and some meshes as a Mitsuba scene."""

@@ -1,7 +1,9 @@
 """Frames that fail: recorded with their reason, at their own cost alone."""
 
+import gc
 import json
 import shutil
+import weakref
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -154,6 +156,29 @@ def test_an_image_that_cannot_be_rendered_costs_its_rig(
     reason = "rest/rest_00.png cannot be rendered: ArithmeticError: 3 of 9 pixels have no radiance"
     assert (result.reason, result.row["reason"]) == (reason, reason)
     assert not (tmp_path / "rig_00004").exists()
+
+
+def test_the_renderer_of_a_rig_is_freed_before_the_next(
+    file: SceneFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Renderer:
+        def __init__(self) -> None:
+            self.itself = self
+
+    def generated(_file: SceneFile, root: Path, *_: object, **__: object) -> None:
+        renderer = Renderer()
+        renderers.append(weakref.ref(renderer))
+        (root / "truth").mkdir(parents=True)
+        Layout(root).manifest.write_text('{"failed_frames": 0}')
+
+    renderers = list[weakref.ref[Renderer]]()
+    monkeypatch.setattr(collections, "generate", generated)
+    gc.disable()
+    try:
+        collections.RigGenerator(file, "", 1).rig(lambda: None, 0, tmp_path / "rig", {})
+        assert [renderer() for renderer in renderers] == [None]
+    finally:
+        gc.enable()
 
 
 def test_processes_that_die_for_other_reasons_end_the_command(tmp_path: Path) -> None:

@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import warnings
+from collections import Counter, deque
 from pathlib import Path
 
 import pytest
 
-from tests.vbaa_bench.residents import InterruptedAtImport, Resident, broken
+from tests.vbaa_bench.residents import Grown, InterruptedAtImport, Resident, broken
 from vbaa_bench.generation import workers
-from vbaa_bench.generation.job import WorkerStartError
+from vbaa_bench.generation.job import Job, WorkerStartError
 from vbaa_bench.generation.workers import Pool, cores
 
 ROOT = Path(__file__).parents[3]
@@ -47,6 +48,52 @@ def test_a_worker_that_does_not_finish_its_piece_ends_with_an_interrupt(
     monkeypatch.setattr(workers, "GRACE_S", 0.1)
     with pytest.raises(KeyboardInterrupt), Pool(1, Resident, ()) as pool:
         pool.run([("slow", ())], interrupted_at_first_piece)
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="memory is not measured there")
+@pytest.mark.parametrize(("growth_mb", "jobs_each"), [(-1.0, 1), (60.0, 3), (1e6, 6)])
+def test_a_worker_whose_memory_has_grown_is_replaced_after_its_job(
+    monkeypatch: pytest.MonkeyPatch, growth_mb: float, jobs_each: int
+) -> None:
+    def count(pieces: int) -> None:
+        counts.append(pieces)
+        assert len(multiprocessing.active_children()) <= 1
+
+    counts, numbers, kept_mb = list[int](), range(6), 40
+    monkeypatch.setattr(workers, "GROWTH_MB", growth_mb)
+    with Pool(1, Resident, ()) as pool:
+        results: list[Grown] = pool.run([("grow", (n, kept_mb)) for n in numbers], count)
+    assert [result.number for result in results] == [*numbers]
+    assert (counts[-1], sorted(counts)) == (len(numbers), counts)
+    assert list(Counter(result.pid for result in results).values()) == [jobs_each] * (
+        len(numbers) // jobs_each
+    )
+    first_mb = min(result.memory_mb for result in results)
+    # Fresh processes need the same memory, up to a few MB.
+    assert max(result.memory_mb for result in results) < first_mb + kept_mb * (jobs_each - 1) + 20
+
+
+def test_a_process_that_dies_after_its_last_job_is_no_death(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(workers, "GROWTH_MB", -1.0)
+    jobs = deque(Job("grow_and_break", (number,)) for number in range(3))
+    with Pool(1, Resident, ()) as pool:
+        outcomes = list(pool.outcomes(jobs, lambda _pieces: None))
+    assert [(ended.result, ended.death) for ended in outcomes] == [(n, None) for n in range(3)]
+
+
+def test_an_interrupt_while_workers_are_replaced_leaves_no_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted(pieces: int) -> None:
+        if pieces >= 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(workers, "GROWTH_MB", -1.0)
+    with pytest.raises(KeyboardInterrupt), Pool(2, Resident, ()) as pool:
+        pool.run([("grow", (number, 1)) for number in range(8)], interrupted)
     assert not multiprocessing.active_children()
 
 

@@ -7,7 +7,6 @@ from types import ModuleType
 from typing import Any
 
 import cv2
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.plan import Plan, plan
 from vbaa_bench.render import frame as rendering
 from vbaa_bench.render import pilots as pilot_samples
-from vbaa_bench.render import world as worlds
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame
 from vbaa_bench.render.layers import Layers, every_pixel
 from vbaa_bench.render.tracing import SETS, Traced, trace
@@ -206,18 +204,6 @@ def test_pixels_without_a_radiance_become_no_gray_values(
 def test_a_mesh_of_another_size_is_refused(world: World) -> None:
     with pytest.raises(ValueError, match="vertices"):
         world.move({"object": np.zeros((3, 3))})
-
-
-def test_kernels_are_freed_unless_a_world_uses_them(
-    world: World, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls = list[str]()
-    monkeypatch.setattr(dr, "flush_kernel_cache", lambda: calls.append("flushed"))
-    worlds.release_kernels()
-    assert not calls, world
-    monkeypatch.setattr(worlds, "_WORLDS", weakref.WeakSet())
-    worlds.release_kernels()
-    assert calls == ([] if is_scalar() else ["flushed"])
 
 
 def test_a_world_that_has_moved_is_freed_without_garbage_collection(

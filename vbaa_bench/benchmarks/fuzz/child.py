@@ -36,7 +36,7 @@ from vbaa_bench.benchmarks.fuzz.case import (
     verdict,
 )
 from vbaa_bench.benchmarks.fuzz.watch import Watch, changes, listing
-from vbaa_bench.benchmarks.process_memory import memory_mb
+from vbaa_bench.generation.process_memory import memory_mb
 
 # Data segment [bytes] beyond that of an idle process; twice the allowed memory.
 _DATA_SEGMENT: Final = int(2 * MEMORY_LIMIT_MB * 1e6)
