@@ -108,8 +108,8 @@ def test_estimates_are_honest_with_them_and_not_without(
 
     honest = pulls()
     assert len(honest) > 54  # of 60; one is refused in every second run
-    # The median of squares is 0.5 of 8 nodes and 0.2 of 20, +- 0.05. One frame in 50 is beyond three
-    # sigmas, some of them far: nine of 60 once in 1e5 runs.
+    # The median of squares is 0.5 of 8 nodes and 0.2 of 20, +- 0.05. One frame in 50 is beyond
+    # three sigmas, some of them far: nine of 60 once in 1e5 runs.
     assert 0.05 < np.median(honest**2) < 0.8
     assert np.count_nonzero(np.abs(honest) > 3) < 9
     monkeypatch.setattr(neighbours, "MIN_GAIN", np.inf)
