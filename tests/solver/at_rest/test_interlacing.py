@@ -6,9 +6,9 @@ import pytest
 from solver.antenna import Antenna
 from solver.at_rest.interlacing import rows_alternate
 from solver.instrument.arrays import Grey
+from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import read_grey
 from solver.instrument.observation import Observations
-from solver.methods import METHODS
 from solver.tracker import INTERLACED, PushTracker
 
 
@@ -44,6 +44,7 @@ def test_two_poses_of_the_beam_in_one_image_are_named(
     observations: Observations, antenna: Antenna
 ) -> None:
     first, second = observations.frames[0].image(), observations.frames[1].image()
-    estimate = PushTracker(antenna, METHODS["exact_fit"]).solve(woven(first, second)).estimate
-    assert not estimate.values, estimate
-    assert estimate.message.endswith(INTERLACED), estimate
+    # A method may answer such a frame, with a large sigma: only refusals are explained.
+    refusing = PushTracker(antenna, lambda _measurement: Estimate(Outcome.INVALID, "no beam"))
+    assert refusing.solve(woven(first, second)).estimate.message == f"no beam; {INTERLACED}"
+    assert refusing.solve(first).estimate.message == "no beam"
