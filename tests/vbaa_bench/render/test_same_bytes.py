@@ -115,6 +115,7 @@ def exposed(sensor: Sensor, bits: int, rendered: RenderedRadiance) -> Floats:
 def test_the_target_is_named_and_the_same_on_all_machines_of_an_architecture(
     width: pytest.MonkeyPatch,
 ) -> None:
+    width.delenv(WIDTH, raising=False)
     width.setattr("platform.machine", lambda: "x86_64")
     assert target(FAST) == "x86-64-v3, vectors of 8"
     assert target(NATIVE) != target(FAST)
