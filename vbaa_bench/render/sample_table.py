@@ -23,8 +23,9 @@ _DECAYS = np.array([1.5, 1.5, 1.5, 1.0, 0.85])
 # The predictions of a row of the table differ by less than this factor, from 1 to 512 samples.
 _STEP, _ROWS = 2**0.5, 19
 # The learned ratio of variances is that of the pixels and of this many more with the ratio 1.
-# Chosen: the variance of one pixel has one degree of freedom, so few pixels determine little.
-_PRIOR_PIXELS = 20
+# Chosen: fewer pixels hardly matter to an image, determine little, as the variance of one pixel has
+# one degree of freedom, and are what another processor's rounding would change.
+_PRIOR_PIXELS = 100
 # Factors and numbers of samples are whole powers of this: they follow from variances, which differ
 # by about 1e-4 on a processor that rounds differently (measured), and are then equal in nearly all
 # pixels. Chosen: rounding by half a step, 9 %, changes the noise by 5 %.

@@ -36,9 +36,9 @@ def test_it_learns_the_variance_whatever_its_decay() -> None:
 def test_a_few_pixels_change_it_little() -> None:
     kind, few = kinds(np.ones(2, np.bool_), np.zeros(2, np.bool_), True), np.array([8.0, 8.0])
     table = SampleTable().refined(Sampled(kind, few, np.array([0.0, 30.0])))
-    # By chance the mean of two is 15 times the target; one of a prior of 20 pixels is 1.
+    # By chance the mean of two is 15 times the target; that of a prior of 100 pixels is 1.
     half_a_step = 2**0.125 - 1  # factors are powers of 2^(1/4)
-    assert table.factors.max() == pytest.approx((50 / 22) ** (1 / 0.85), rel=half_a_step)
+    assert table.factors.max() == pytest.approx((130 / 102) ** (1 / 0.85), rel=half_a_step)
     assert (table.factors != 1).sum() == 1
 
 
