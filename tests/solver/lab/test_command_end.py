@@ -4,7 +4,8 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -67,18 +68,26 @@ def test_a_closed_output_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     sys.stdout.close()
 
 
+@contextmanager
+def handled(number: signal.Signals, by: signal.Handlers) -> Iterator[None]:
+    """Handle a signal so, however the tests were started: nohup ignores SIGHUP."""
+    before = signal.signal(number, by)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
 def test_a_signal_ends_a_command_as_ctrl_c_does(number: signal.Signals) -> None:
-    assert status_of(lambda: os.kill(os.getpid(), number)) == 128 + number
-    assert signal.getsignal(number) is signal.SIG_DFL
+    with handled(number, signal.SIG_DFL):
+        assert status_of(lambda: os.kill(os.getpid(), number)) == 128 + number
+        assert signal.getsignal(number) is signal.SIG_DFL
 
 
 def test_a_signal_that_is_ignored_stays_so() -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup starts it
-    try:
+    with handled(signal.SIGHUP, signal.SIG_IGN):
         assert status_of(lambda: os.kill(os.getpid(), signal.SIGHUP)) == 0
-    finally:
-        signal.signal(signal.SIGHUP, before)
 
 
 def test_an_input_error_is_one_sentence_and_an_error_of_the_program_is_not_hidden(
