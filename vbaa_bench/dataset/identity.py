@@ -4,12 +4,12 @@ import json
 from collections.abc import Iterator
 from typing import Any, Literal
 
-from solver.instrument.errors import InputError
 from solver.instrument.files import holds, read_regular, write_bytes
 from solver.instrument.hashes import digest, parse_hashes
 from vbaa_bench.dataset.code import code_digests
 from vbaa_bench.dataset.differences import Difference, as_in_file, differences, listing
 from vbaa_bench.dataset.layout import FILES, Layout
+from vbaa_bench.dataset.lock import FolderError
 from vbaa_bench.dataset.manifest import read_json, versions
 from vbaa_bench.dataset.scene_files import file_digests
 from vbaa_bench.dataset.schema import SCHEMA, migrated_identity, version_of
@@ -19,7 +19,7 @@ from vbaa_bench.scene.load import SceneFile
 Identity = dict[str, Any]
 
 
-class OtherDatasetError(InputError):
+class OtherDatasetError(FolderError):
     """Error for a folder that holds something else than the dataset or collection to be made."""
 
 

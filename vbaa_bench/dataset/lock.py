@@ -20,6 +20,14 @@ _WITHOUT_LOCKS: Final = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOT
 # Interval at which a held lock is tried again [s].
 _POLL_S: Final = 0.01
 
+
+class FolderError(InputError):
+    """Error for a folder of data: not writable, held by another process, or with other data.
+
+    It is never a property of a scene or of a rig.
+    """
+
+
 if sys.platform == "win32":
     import msvcrt
 
@@ -43,7 +51,7 @@ def locked(path: Path, wait_s: float = 0.0) -> Iterator[None]:
     """Hold the lock file `path`; it is removed at the end.
 
     The operating system frees the lock of a process that has died, so a leftover file does not
-    block others. Raises InputError, which names the holder, if another process has the lock for
+    block others. Raises FolderError, which names the holder, if another process has the lock for
     longer than `wait_s`, and OSError if the file cannot be written.
 
     Where the file system has no locks, a second file beside it takes its place. If its holder has
@@ -74,7 +82,7 @@ class _Opened(NamedTuple):
 
 
 def _opened(path: Path, deadline_s: float) -> _Opened:
-    """Open and lock the lock file. Raises InputError after the deadline, and OSError."""
+    """Open and lock the lock file. Raises FolderError after the deadline, and OSError."""
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
@@ -85,7 +93,7 @@ def _opened(path: Path, deadline_s: float) -> _Opened:
         except (BlockingIOError, PermissionError, FileExistsError) as error:
             if time.monotonic() > deadline_s:
                 os.close(descriptor)
-                raise InputError(_refusal(path, isinstance(error, FileExistsError))) from error
+                raise FolderError(_refusal(path, isinstance(error, FileExistsError))) from error
             time.sleep(_POLL_S)
         except OSError:
             os.close(descriptor)

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 from solver.instrument.errors import DamageError, InputError
 from vbaa_bench.dataset.collection import CollectionLayout
-from vbaa_bench.dataset.identity import OtherDatasetError
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.lock import locked
+from vbaa_bench.dataset.lock import FolderError, locked
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.scene_files import copy_files, file_digests
 from vbaa_bench.generation.cluster_address import ClusterAddress
@@ -72,7 +71,7 @@ def generate_collection(
             results = _generate(layout, file, numbers, machine, progress, remark)
             _write_table(layout, results)
     except OSError as error:
-        raise InputError(f"{root}: cannot be written ({error.strerror or error})") from error
+        raise FolderError(f"{root}: cannot be written ({error.strerror or error})") from error
     return results
 
 
@@ -145,7 +144,7 @@ class RigGenerator:
             scene = rig.scene
             generate(rig, root, self.variant, 0, progress, threads=self.threads, given_up=given_up)
             failed = read_json(Layout(root).manifest)["failed_frames"]
-        except (SceneFileError, OtherDatasetError):  # not of the rig, but of what is on the disk
+        except (SceneFileError, FolderError, DamageError):  # not of the rig: of what is on the disk
             raise
         except ImageError as error:
             reason = str(error)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
-from solver.instrument.errors import InputError
 from solver.instrument.files import holds, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.rig_json import rig_to_json
@@ -13,7 +12,7 @@ from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
 from vbaa_bench.dataset.layout import FILES, Layout
-from vbaa_bench.dataset.lock import locked
+from vbaa_bench.dataset.lock import FolderError, locked
 from vbaa_bench.dataset.manifest import seal
 from vbaa_bench.dataset.scene_files import check_copies, copy_files
 from vbaa_bench.generation.cluster import ClusterPool
@@ -105,9 +104,9 @@ def generate(
     that `merge` completes. `threads` is the number of threads of each process, by default all cores
     together. Workers of a `cluster` must see the same folders under the same paths.
 
-    Raises InputError if the scene is impossible, and if `root` is not writable, is being written by
-    another process, or holds something else, such as data of another scene or from another version
-    of the code.
+    Raises InputError if the scene is impossible, and FolderError if `root` is not writable, is
+    being written by another process, or holds something else, such as data of another scene or from
+    another version of the code.
     """
     layout, machine = Layout(root), Machine(variant, workers, threads, cluster)
     try:
@@ -129,7 +128,9 @@ def generate(
             deaths = Deaths(dict(given_up or {}))
             _complete(file, identity[FILES], shards, layout, machine, progress, remark, deaths)
     except OSError as error:
-        raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
+        raise FolderError(
+            f"{layout.root}: cannot be written ({error.strerror or error})"
+        ) from error
     return layout
 
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from pydantic import BaseModel
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import HASHES, hashes_bytes
 from tests.conftest import SMALL_SCENE
 from tests.sealing import reseal
@@ -25,6 +25,7 @@ from vbaa_bench.dataset.identity import (
     write_identity,
 )
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.lock import FolderError, locked
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.scene_files import check_copies, copy_files, file_digests, read_file
 from vbaa_bench.dataset.writer import shard_writer
@@ -310,10 +311,11 @@ def test_files_of_a_collection_are_verified_and_merged(
         merge([parts[0], other], tmp_path / "both")
 
 
-def test_an_error_of_a_file_or_of_another_dataset_is_no_property_of_a_rig(
+def test_an_error_of_a_file_or_of_a_folder_is_no_property_of_a_rig(
     drawn_rigs: SceneFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for error in (SceneFileError("a.stl: cannot be read"), OtherDatasetError("another")):
+    errors = SceneFileError("a.stl: cannot be read"), OtherDatasetError("another")
+    for error in (*errors, DamageError("truth/identity.json is missing")):
 
         def refused(*_: object, error: InputError = error, **__: object) -> None:
             raise error
@@ -322,6 +324,18 @@ def test_an_error_of_a_file_or_of_another_dataset_is_no_property_of_a_rig(
         generator = RigGenerator(drawn_rigs, "scalar_rgb", 1)
         with pytest.raises(type(error)):
             generator.rig(quiet, 0, tmp_path / "rig", {})
+
+
+def test_a_folder_that_cannot_be_written_is_no_property_of_a_rig(
+    drawn_rigs: SceneFile, tmp_path: Path
+) -> None:
+    generator = RigGenerator(drawn_rigs, "scalar_rgb", 1)
+    (tmp_path / "a_file").touch()
+    with pytest.raises(FolderError, match=r"cannot be written \(Not a directory\)"):
+        generator.rig(quiet, 0, tmp_path / "a_file" / "rig", {})
+    (tmp_path / "rig").mkdir()
+    with locked(tmp_path / "rig" / ".lock"), pytest.raises(FolderError, match="is being written"):
+        generator.rig(quiet, 0, tmp_path / "rig", {})
 
 
 def test_the_reason_of_an_impossible_rig_does_not_depend_on_the_folder(
