@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 from scipy.stats import norm as normal
 
-from tests.margins import Closest, Recorder, Rewriter, margin, table
+from tests.margins import Closest, Recorder, Rewriter, clear_tests, margin, table
 
 TESTS = Path(__file__).parent
 # Each with its reason.
@@ -64,7 +64,7 @@ def test_other_sources_are_found(source: str, name: str) -> None:
 
 def recorded(assertion: str, **values: object) -> dict[str, Closest]:
     """Execute an assertion that is rewritten, and return what it records, by its column."""
-    recorder = Recorder(Path(), (1, 1))
+    recorder = Recorder(Path(), (1, 1), ())
     code = compile(Rewriter("test.py").visit(ast.parse(f"assert {assertion}")), "test.py", "exec")
     scope = {"__compare__": recorder.compare, "np": np, "pytest": pytest} | values
     exec(code, scope)
@@ -144,3 +144,4 @@ def test_failures_come_first_and_derived_rates_are_not_measured() -> None:
     assert rows[0].failed_seeds == (2,)
     assert rows[1].worst is not None
     assert rows[1].worst.low == 1.0
+    assert clear_tests(runs) == ["far"]
