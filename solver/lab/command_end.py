@@ -28,9 +28,9 @@ def run_command(run: Callable[[], object]) -> NoReturn:
     """Run a command line and exit.
 
     The exit status is 2 for an InputError and for an output that cannot be written, 1 for an input
-    that ends too early, 130 for Ctrl-C,
-    and 128 + its number for a signal that asks the process to end, which is otherwise treated as
-    Ctrl-C. Characters that the output cannot represent are replaced.
+    that ends too early, 130 for Ctrl-C, and 128 + its number for a signal that asks the process to
+    end, which is otherwise treated as Ctrl-C. Characters that the output cannot represent are
+    replaced.
     """
     _accept_every_character()
     status = 0

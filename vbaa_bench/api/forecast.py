@@ -22,7 +22,7 @@ from vbaa_bench.generation.dataset_worker import DatasetWorker
 from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.job import Job
 from vbaa_bench.generation.plan import accepted_rig, plan
-from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.generation.workers import GROWTH_MB, Pool, cores
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 
@@ -47,7 +47,8 @@ class Forecast:
     `hours_low` and `hours_high` span the fastest and the slowest probed frame or rig, each widened
     by a factor of 1.5 for those that differ more and for workers that slow each other down. They
     hold for the machine load during the probe, which took `probe_s`. `memory_gb` is that of all
-    workers together; None if the system does not report it.
+    workers together; None if the system does not report it. Over many rigs each worker may grow
+    by GROWTH_MB more.
     """
 
     rigs: int | None
@@ -69,6 +70,7 @@ class Forecast:
     def __str__(self) -> str:
         memory = "unknown" if self.memory_gb is None else f"{self.memory_gb:.2g} GB"
         rigs = "" if self.rigs is None else f"{self.rigs:,} rigs: "
+        growth = "" if self.rigs is None else f", of which each may grow by {GROWTH_MB:g} MB more"
         return (
             f"{rigs}{self.frames:,} frames of {self.pushes:,} pushes, and {self.images:,} images "
             f"of the board and the beam at rest\n"
@@ -77,6 +79,7 @@ class Forecast:
             f"the probe, which took {_duration(self.probe_s / 3600)}\n"
             f"disk:    {_size(self.gigabytes)}, within about 10 %\n"
             f"memory:  {memory} in total, the peak of a probing worker times the number of workers"
+            f"{growth}"
         )
 
 

@@ -115,6 +115,7 @@ def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
     assert 0 < cost.hours_low < cost.hours < cost.hours_high < 1
     assert 1e5 < 1e9 * cost.gigabytes / cost.frames < 8e6
     assert str(cost).startswith("40 rigs: 80 frames of 40 pushes, and 200 images ")
+    assert str(cost).endswith("number of workers, of which each may grow by 200 MB more")
 
 
 def test_a_plan_is_said_in_four_lines() -> None:
