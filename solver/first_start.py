@@ -18,6 +18,8 @@ from solver.methods.exact_fit import exact_fit
 
 # Displacement of outliers: every fit rejects them, and succeeds with the other points.
 _OUTLIER_SIGMAS = 60.0
+# Number and height of waves. Chosen: the fits succeed, and residuals of neighbours are alike.
+_WAVES, _WAVE_SIGMAS = 10.0, 2.0
 # The function of the fits that is compiled last.
 _LAST_OF_FITS = "frame_fit._mark_inliers"
 # The process finds the modules where this one does.
@@ -84,3 +86,9 @@ def with_outliers(points: Floats, sigma_vectors: Floats) -> Floats:
     """Displace one point (n, 2) in twenty so far that every fit rejects it."""
     is_outlier = (np.arange(len(points)) % 20 == 0)[:, None]
     return np.asarray(points + _OUTLIER_SIGMAS * sigma_vectors * is_outlier)
+
+
+def with_shared_errors(points: Floats, sigma_vectors: Floats) -> Floats:
+    """Displace points (n, 2) by waves along the beam, which a fit takes for no white noise."""
+    waves = np.sin(np.linspace(0.0, 2 * np.pi * _WAVES, len(points)))[:, None]
+    return np.asarray(points + _WAVE_SIGMAS * sigma_vectors * waves)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.first_start import touched_in_the_middle, with_outliers
+from solver.first_start import touched_in_the_middle, with_outliers, with_shared_errors
 from solver.instrument.arrays import Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View
@@ -85,7 +85,7 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     The beam at rest is bent artificially, its tip by 3 % of the length, as if touched in the
     middle. Inputs include a blank image and outliers, because numba compiles anew for other
     array layouts: those of an image without any candidate, and those of the points left after some
-    are rejected.
+    are rejected. Points whose neighbours err alike need the fit of another beam.
     """
     extract_centreline(antenna, np.full_like(rest_image, np.median(rest_image)))
     reject_moved_camera(antenna, rest_image)
@@ -93,8 +93,12 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     view = at_rest.view
     bent = touched_in_the_middle(view.points, at_rest.rig.beam.length)
     clean = View(bent, view.sigma_vectors, view.viewpoint)
-    displaced = with_outliers(bent, view.sigma_vectors)
-    for tipless in (clean, View(displaced, view.sigma_vectors, view.viewpoint)):
+    for points in (
+        bent,
+        with_outliers(bent, view.sigma_vectors),
+        with_shared_errors(bent, view.sigma_vectors),
+    ):
+        tipless = View(points, view.sigma_vectors, view.viewpoint)
         run_method(method, replace(at_rest, view=tipless))
     # A push of two frames; the motor's rotation is of the order of the slope of the bent beam.
     first = replace(at_rest, view=clean, motor_angle=_ROTATION / 2)

@@ -46,5 +46,5 @@ def test_two_poses_of_the_beam_in_one_image_are_named(
     first, second = observations.frames[0].image(), observations.frames[1].image()
     # A method may answer such a frame, with a large sigma: only refusals are explained.
     refusing = PushTracker(antenna, lambda _measurement: Estimate(Outcome.INVALID, "no beam"))
-    assert refusing.solve(woven(first, second)).estimate.message == f"no beam; {INTERLACED}"
-    assert refusing.solve(first).estimate.message == "no beam"
+    assert INTERLACED in refusing.solve(woven(first, second)).estimate.message
+    assert INTERLACED not in refusing.solve(first).estimate.message

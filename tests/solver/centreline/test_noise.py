@@ -26,17 +26,22 @@ def wedge(edges: bool) -> Floats:
 def test_several_images_give_the_photon_transfer_line(
     images: int, random: np.random.Generator
 ) -> None:
-    noise = estimate_noise([SENSOR(wedge(edges=True), random) for _ in range(images)])
-    assert noise.per_gray == pytest.approx(PER_GRAY, rel=0.05)
-    assert noise.variance(128.0) == pytest.approx(DARK + PER_GRAY * 128, rel=0.03)
-    assert noise.variance(12.0) == pytest.approx(DARK + PER_GRAY * 12, rel=0.1)
+    light = wedge(edges=True)
+    noise = [estimate_noise([SENSOR(light, random) for _ in range(images)]) for _ in range(3)]
+    assert np.mean([one.per_gray for one in noise]) == pytest.approx(PER_GRAY, rel=0.05)
+    for gray, relative in ((128.0, 0.03), (12.0, 0.1)):
+        mean = np.mean([one.variance(gray) for one in noise])
+        assert mean == pytest.approx(DARK + PER_GRAY * gray, rel=relative)
 
 
 @pytest.mark.parametrize("edges", [False, True])
 def test_one_image_gives_it_too(edges: bool, random: np.random.Generator) -> None:
-    noise = estimate_noise([SENSOR(wedge(edges), random)])
+    """Where rounding and edges add to it, the variance is too large, by up to a sixth."""
+    light = wedge(edges)
+    noise = [estimate_noise([SENSOR(light, random)]) for _ in range(16)]
     for gray in (20.0, 100.0, 200.0):
-        assert noise.variance(gray) == pytest.approx(DARK + PER_GRAY * gray, rel=0.15)
+        mean = np.mean([one.variance(gray) for one in noise]) / (DARK + PER_GRAY * gray)
+        assert 0.98 < mean < 1.2  # each has a standard deviation of 0.01 to 0.03
 
 
 def test_a_deep_image_has_the_noise_of_its_own_unit(random: np.random.Generator) -> None:

@@ -125,16 +125,18 @@ def noisy(points: Floats, seed: int) -> Floats:
 
 def test_a_run_of_outliers_that_agree_is_seen_through() -> None:
     points, x_c, _ = pushed_points(0.15, 0.1)
-    errors = []
-    for seed in range(20):
+    errors, answered = list[float](), list[bool]()
+    for seed in range(120):
         seen = noisy(points, seed)
         edge = (seen[:, 0] > 0.05) & (seen[:, 0] < 0.12)  # an occluder's edge, 30 % of the beam
         seen[edge, 1] += 1e-3 + 0.02 * (seen[edge, 0] - 0.05)
         answer = exact_fit(measurement(seen, SIGMA))
-        assert answer.outcome is Outcome.CONTACT
-        assert "points were rejected" in answer.message
-        errors.append((answer.values["x_c_m"] - x_c) / answer.sigma("x_c_m"))
-    assert np.sqrt(np.mean(np.square(errors))) < 1.5  # 1 +- 0.16
+        answered.append(answer.outcome is Outcome.CONTACT)
+        if answered[-1]:
+            assert "points were rejected" in answer.message
+            errors.append((answer.values["x_c_m"] - x_c) / answer.sigma("x_c_m"))
+    assert np.mean(answered) > 0.85  # 0.96 +- 0.02: a fit may end with these points alone
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5  # 1.07 +- 0.07
 
 
 def test_a_beam_bent_by_two_contacts_is_refused() -> None:
