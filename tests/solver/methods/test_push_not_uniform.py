@@ -40,10 +40,8 @@ def pulls(estimate: Estimate, truth: dict[str, float]) -> dict[str, float]:
     }
 
 
-def test_a_beam_that_is_known_to_be_uniform_is_pushed_as_before(
-    random: np.random.Generator,
-) -> None:
-    measurement, _ = measured_push(still(0.12, 0.05), random)
+def test_a_beam_that_is_known_to_be_uniform_is_pushed_as_before() -> None:
+    measurement, _ = measured_push(still(0.12, 0.05))
     closed = push_fit(measurement)
     integrated = push_fit(of(measurement, stated_shape(1e-9, 0.0, 0.0, 0.0)))
     assert integrated.values.keys() == closed.values.keys()

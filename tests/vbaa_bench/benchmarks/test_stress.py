@@ -257,6 +257,7 @@ def test_a_wrong_rig_is_wrong_by_what_was_asked() -> None:
     assert np.array_equal(pose[:3, 3], RIG.antenna_from_board[:3, 3])
 
 
+@pytest.mark.false_alarm(1e-5, "uniform gains: four within 0.15 %, or no two 0.05 % apart")
 def test_tone_and_gain() -> None:
     before = recorded()
     assert gray.curved(1 / 2.2)(np.array([[0, 64, 255]], np.uint8)).tolist() == [[0, 136, 255]]
@@ -264,8 +265,9 @@ def test_tone_and_gain() -> None:
         float(new.mean() / old.mean())
         for old, new in zip(before.frames, run(gray.flickering(0.03)).frames, strict=True)
     ]
-    assert len({round(gain, 4) for gain in gains}) == len(gains)
-    assert 0.005 < max(abs(gain - 1) for gain in gains) < 0.031
+    assert len(gains) == 4
+    assert np.ptp(gains) > 0.0005
+    assert 0.0015 < max(abs(gain - 1) for gain in gains) < 0.031
     grey = run(gray.coloured).frames[0]
     assert np.asarray(grey, float).mean() == pytest.approx(before.frames[0].mean(), abs=0.5)
 

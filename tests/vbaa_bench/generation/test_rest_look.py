@@ -54,10 +54,13 @@ def test_a_beam_has_the_same_dirt_at_rest_as_in_frames(tmp_path: Path, per: str)
     work = plan(file)
     patterns = [rest_dirt(file.scene, number) for number in range(2)]
     look: Look | None = None
-    for spec in work.frame_specs[: file.scene.frames_per_shard]:
+    specs = work.frame_specs[: file.scene.frames_per_shard]
+    for spec in specs:
         look = look_of(file.scene, work.rig, tmp_path, spec, look)
         patterns.append(look.assembler.dirt)
-    assert len(set(patterns)) == (1 if per == "rig" else len(patterns))
+    pushes = {spec.push_id for spec in specs}
+    count = {"rig": 1, "push": 2 + len(pushes), "frame": 2 + len(specs)}
+    assert len(set(patterns)) == count[per]
 
 
 @pytest.mark.parametrize("knock", [0, 3])
