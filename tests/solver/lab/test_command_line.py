@@ -286,7 +286,7 @@ from solver.methods import METHODS
 
 def third(measurement, count=[0]):
     count[0] += 1
-    if count[0] == 6:  # the first three are the warm-up
+    if count[0] == 7:  # the first four are the warm-up
         raise KeyboardInterrupt
     return METHODS["exact_fit"](measurement)
 """

@@ -101,7 +101,7 @@ def test_the_warm_up_is_a_contact(observations: Observations, antenna: Antenna) 
         return found[-1]
 
     warm_up(antenna, method, read_grey(observations.rest_images[0]))
-    assert len(found) == 3  # with stray points, and as the second frame of a push, too
+    assert len(found) == 4  # with stray points, shared errors, and as the second frame of a push
     assert found[0].outcome.has_values
     # A linear shape is no exact one, but nearly: it was bent by a touch in the middle.
     assert found[0].values["x_c_m"] == pytest.approx(0.12, abs=0.002)
