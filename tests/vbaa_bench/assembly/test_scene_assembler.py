@@ -59,7 +59,7 @@ title: A clamp that turns
 seed: 4
 camera: {width_px: 160, height_px: 160, focal_length_px: 200, mount: MOUNT}
 clamp: {}
-clutter: {count: 6}
+clutter: {count: 40}
 pushes: {contact_distance_mm: [120], pushing_angle_deg: [8]}
 """)
 

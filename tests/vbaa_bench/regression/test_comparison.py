@@ -63,18 +63,22 @@ def test_a_change_in_one_stratum_is_reported_there() -> None:
     assert not reported & {("force error", f"push {step} %") for step in (STEPS[0], STEPS[2])}
 
 
-def test_unchanged_methods_with_other_noise_raise_at_most_two_alarms_in_100() -> None:
+@pytest.mark.false_alarm(3e-6, "binomial, more than 4 of 100 at 0.2 %, as of 600 pairs")
+def test_unchanged_methods_with_other_noise_hardly_raise_an_alarm() -> None:
     alarms = [compared(run(2 * n), run(2 * n + 1)) for n in range(100)]
-    assert sum(bool(one.worse or one.better) for one in alarms) <= 2
+    assert sum(bool(one.worse or one.better) for one in alarms) <= 4
 
 
+@pytest.mark.false_alarm(3e-6, "binomial, fewer than 5 of 10 at 95 %, as of 20 pairs")
 def test_a_method_three_times_worse_is_found_through_other_noise() -> None:
-    new = changed(run(1), "x_c_error_pct_L", 3.0, pl.col("method") == "first")
-    comparison = compared(run(0), new)
-    assert ("first", "x_c error") in {(c.method, c.quantity) for c in comparison.worse}
-    smallest = of(comparison, "first", "x_c error").smallest
-    assert smallest is not None
-    assert 0.1 < smallest / of(comparison, "first", "x_c error").old < 2
+    verdicts = list[Verdict]()
+    for n in range(10):
+        new = changed(run(2 * n + 1), "x_c_error_pct_L", 3.0, pl.col("method") == "first")
+        change = of(compared(run(2 * n), new), "first", "x_c error")
+        verdicts.append(change.verdict)
+        assert change.smallest is not None
+        assert 0.5 < change.smallest / change.old < 5
+    assert verdicts.count("worse") >= 5
 
 
 @pytest.mark.parametrize("same_images", [True, False])
