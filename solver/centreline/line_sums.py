@@ -82,9 +82,9 @@ def line_sums(
         for j, bow in enumerate(bows):
             shift = np.rint(line_at(sheet.x, tip, bow)).astype(np.int64)
             row = np.arange(n)[:, None] + shift
-            row = np.where((row >= 0) & (row < n), row, n)
-            count = np.take_along_axis(known, row, 0).sum(axis=1)
-            total = np.take_along_axis(gray, row, 0).sum(axis=1)
+            place = np.where((row >= 0) & (row < n), row, n) * LINES + np.arange(LINES)
+            count = known.take(place).sum(axis=1)
+            total = gray.take(place).sum(axis=1)
             enough = count >= support * LINES
             result[i, j] = np.where(enough, total / np.maximum(count, 1), np.nan)
     return result

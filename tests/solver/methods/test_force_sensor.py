@@ -8,6 +8,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement, View
 from solver.methods.force_sensor import force_sensor
+from tests.consistency import nees
 from tests.simulated import BEAM, rig
 from tests.solver.methods.pushes import sensing_rig, with_tolerances
 from vbaa_bench.mechanics.planar import push
@@ -72,16 +73,16 @@ def test_its_covariance_is_honest(
     distance: float, degrees: float, random: np.random.Generator
 ) -> None:
     state = pushed(distance, degrees)
-    names = ("x_c_m", "force_n", "psi_rad")
-    true = np.array([state.contact.point[0], np.linalg.norm(state.base_force), 0.0])
+    true = {
+        "x_c_m": float(state.contact.point[0]),
+        "force_n": float(np.linalg.norm(state.base_force)),
+        "psi_rad": 0.0,
+    }
     squares, scatter = [], []
     for _ in range(600):
         answer = force_sensor(reading(state.base_force, state.base_moment, random))
         assert answer.outcome is Outcome.CONTACT
-        error = np.array([answer.values[name] for name in names]) - true
-        rows = [list(answer.values).index(name) for name in names]
-        assert answer.covariance is not None
-        squares.append(error @ np.linalg.solve(answer.covariance[np.ix_(rows, rows)], error))
+        squares.append(nees(answer, true))
         assert answer.chi2 is not None
         scatter.append(answer.chi2)
     # chi^2 of three degrees of freedom, 600 trials: 3 +- 0.1.

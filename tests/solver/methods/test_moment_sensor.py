@@ -67,6 +67,7 @@ def test_its_covariance_is_that_of_its_sources(
     # Noise so small that the pairs' mean is linear in it.
     noise, psi = 1e-7, 0.7
     points, moment = linear(0.15, 1.9, psi)
+    points = points[::5]  # the time grows with the square of their number
     sensor = 0.01 * abs(moment)
     found, stated = [], []
     names = ["x_c_m", "force_n", "psi_rad", "contact_antenna_z_m", "force_y_n", "force_z_n"]

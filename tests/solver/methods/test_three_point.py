@@ -57,7 +57,7 @@ def test_under_noise_it_errs_as_much_as_it_says(random: np.random.Generator) -> 
     for psi in np.radians([0, 20, 40]):
         for x_c in (0.11, 0.17):
             clean, _ = linear(x_c, psi)
-            for _ in range(40):
+            for _ in range(15):
                 noise = np.column_stack([np.zeros(len(clean)), random.normal(0, SIGMA, len(clean))])
                 answer = three_point(inclined(clean + noise, SIGMA))
                 if not answer.values:
@@ -65,7 +65,7 @@ def test_under_noise_it_errs_as_much_as_it_says(random: np.random.Generator) -> 
                 error = np.array([answer.values["psi_rad"] - psi, answer.values["x_c_m"] - x_c])
                 errors.append(error)
                 pulls.append(error / [answer.sigma("psi_rad"), answer.sigma("x_c_m")])
-    assert len(errors) >= 222  # of 240
+    assert len(errors) >= 81  # of 90
     # Perspective determines psi to some twenty degrees (the note beside the paper: 16 to 21), and
     # x_c stays as it was.
     psi_rms, x_c_rms = np.sqrt(np.mean(np.square(errors), axis=0))

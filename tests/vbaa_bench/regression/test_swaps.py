@@ -57,9 +57,9 @@ def test_equal_changes_of_all_of_nine_pushes_are_significant() -> None:
     d[:, 7] = 0.02
     p = swap_test(unshared(d), FALSE_ALARM, generator(__name__, 0)).p
     # All signs are equal in two of 512 swaps.
-    assert p[7] == pytest.approx(2 / 512, abs=0.003)
+    assert p[7] == pytest.approx(2 / 512, abs=0.0055)  # +- 0.0009
     assert (np.delete(p, 7) == 1).all()
-    d = d[:7]
+    d = d[:6]  # two of 64
     assert swap_test(unshared(d), FALSE_ALARM, generator(__name__, 0)).p[7] > FALSE_ALARM
 
 
