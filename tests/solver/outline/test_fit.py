@@ -82,9 +82,10 @@ def test_an_outline_is_within_its_sigmas(
     outline = fit_outline(contacts(normals, centres, radii, random=random))
     in_sigmas = errors(outline, centres, radii) / outline.sigmas
     assert outline.closed
-    # Single errors may be 7 sigmas where the curvature changes; nine in ten are below 1 +- 0.2.
+    # Nine in ten errors are below 0.96 +- 0.11 sigmas, of corners 1.1 +- 0.3 (24 seeds). Single
+    # ones may be several sigmas where the curvature changes.
     assert np.count_nonzero(~outline.used) < 7
-    assert 0.2 < np.quantile(np.abs(in_sigmas), 0.9) < 3
+    assert 0.2 < np.quantile(np.abs(in_sigmas), 0.9) < (1.7 if radii.any() else 3.0)
     # From points with errors of 0.05 mm and gaps of 5 degrees: 0.015 +- 0.006 mm.
     assert np.abs(errors(outline, centres, radii)).mean() < 0.05 * MM
 
@@ -104,7 +105,7 @@ def test_a_turned_antenna_is_recognised_and_the_outline_corrected(
     outline = fit_outline(contacts(random.uniform(0, 2 * np.pi, 96), turn=turn, random=random))
     assert outline.correction_sigmas[2] < 1e-4
     assert abs(outline.correction[2] - turn) < 7 * outline.correction_sigmas[2]
-    assert np.quantile(np.abs(errors(outline) / outline.sigmas), 0.9) < 3
+    assert np.quantile(np.abs(errors(outline) / outline.sigmas), 0.9) < 1.9  # 0.96 +- 0.16
 
 
 def test_where_nothing_was_touched_the_outline_is_open() -> None:
