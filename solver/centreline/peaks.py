@@ -33,6 +33,6 @@ def find_peaks(values: Floats, prominence: float) -> Iterator[Peak]:
 
 
 def _least_before_higher(values: Floats) -> float:
-    """Return the least value before the first that is higher than `values[0]`, or before the end."""
+    """Return the least value before the first one that is higher than `values[0]`, or of all."""
     higher = values > values[0]
     return float(values[: np.argmax(higher) if higher.any() else None].min())
