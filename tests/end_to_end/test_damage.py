@@ -318,7 +318,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
 def grown_scene(folder: Path, count: int, method: str = "sobol") -> SceneFile:
     # Bytes are compared: noisy images, and few views of the board, show as much.
     head = SMALL_SCENE[: SMALL_SCENE.index("pushes:")].replace("views: 6", "views: 3")
-    head += "render: {noise_elsewhere: 2, noise_near_beam: 1, noise_static_layer: 0.5}\n"
+    head += "render: {noise_elsewhere: 4, noise_near_beam: 4, noise_static_layer: 4}\n"
     ranges = "contact_distance_mm: [90, 200], deflection_pct: [5, 9]"
     path = folder / f"{method}_{count}.yaml"
     sampling = f"sampling: {{method: {method}, count: {count}, {ranges}}}"

@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -130,7 +130,7 @@ def solve_each(
     centreline: str,
     limits: tuple[int, float, float],
     hear: Callable[[str], None] = lambda _line: None,
-) -> Iterator[MethodRun]:
+) -> Generator[MethodRun, None, None]:
     """Run methods on datasets, as `solve` does.
 
     One process runs them all, one after another, and sets up a dataset once for consecutive jobs.
