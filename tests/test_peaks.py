@@ -15,7 +15,7 @@ def test_peaks_are_those_of_scipy(random: np.random.Generator) -> None:
         for least in (0.0, 0.5, 1.0):
             expected, shapes = scipy.signal.find_peaks(values, prominence=least)
             peaks = list(find_peaks(values, least))
-            assert [peak.index for peak in peaks] == expected.tolist()
+            assert [peak.place for peak in peaks] == expected.tolist()
             assert [peak.prominence for peak in peaks] == shapes["prominences"].tolist()
             count += len(peaks)
     assert count > 100

@@ -9,13 +9,13 @@ from solver.instrument.arrays import Floats
 
 
 class Peak(NamedTuple):
-    """The index of a local maximum, the middle one of equal values, and its prominence.
+    """The index `place` of a local maximum, the middle one of equal values, and its prominence.
 
     The prominence is its height above the higher of the two lowest values that separate it from
     higher values, or from the ends, on its left and on its right.
     """
 
-    index: int
+    place: int
     prominence: float
 
 
