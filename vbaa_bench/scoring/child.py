@@ -20,6 +20,7 @@ from solver.instrument.safe_path import PYTHON
 from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path
 from solver.methods import METHODS
+from solver.methods.by_name import find_method
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.dataset.recorded import write_results
@@ -139,6 +140,9 @@ def solve_each(
     row. Raises InputError as `solve` does.
     """
     remaining = list(jobs)
+    for job in jobs:
+        if ":" not in job.method:
+            find_method(job.method)  # a misspelled name is found before anything is started
     while remaining:
         with _temporary_folder() as folder:
 
