@@ -192,13 +192,12 @@ def test_the_overlay_knows_where_the_camera_stands(hidden: tuple[Layout, Truth])
 
 
 def test_a_contact_sheet_names_scenes_that_look_alike_below_one_picture(
-    variant: str, tmp_path: Path
+    small_scene: Path, variant: str, tmp_path: Path
 ) -> None:
-    dark, bright = tmp_path / "small.yaml", tmp_path / "back.yaml"
-    text = seeded(SCENE_TEXT + NOISY)
-    dark.write_text(text, encoding="utf-8")
-    bright.write_text(f"{text}background: {{reflectance: 0.6}}\n", encoding="utf-8")
-    contact_sheet([dark, dark, bright], tmp_path / "sheet.png", variant, quiet)
+    dark = tmp_path / "back.yaml"
+    text = small_scene.read_text(encoding="utf-8")
+    dark.write_text(f"{text}background: {{reflectance: 0.6}}\n", encoding="utf-8")
+    contact_sheet([small_scene, small_scene, dark], tmp_path / "sheet.png", variant, quiet)
     width, height, _ = png_head(tmp_path / "sheet.png")
     assert (width, height) == (4 * (468 + 8), 26 + 120 + 15 + 8)
     sheet = read_grey(tmp_path / "sheet.png")
