@@ -5,22 +5,30 @@ import signal
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from vbaa_bench.dataset.aside import aside
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.writer import shard_writer
-from vbaa_bench.scene.frames import FrameName
-
-if TYPE_CHECKING:
-    from vbaa_bench.generation.collection import RigResult
 
 FATAL_NUMBER = 3
 KILLED_NUMBER = 4
 FATAL_IMAGE = "calibration/view_07.png"
 KILLED_IMAGE = "rest/rest_00.png"
+
+
+class Name(NamedTuple):
+    """In the place of a FrameName, without the scene."""
+
+    frame_id: str
+    number: int
+
+
+class Rig(NamedTuple):
+    """In the place of a RigResult, without the renderer."""
+
+    number: int
+    row: dict[str, str | None]
+    reason: str
 
 
 class Metered(NamedTuple):
@@ -59,10 +67,15 @@ class PoisonedWorker:
         self,
         tick: Callable[[], None],
         number: int,
-        frames: Sequence[FrameName],
+        frames: Sequence[Name],
         _metering: SimpleNamespace,
         given_up: Mapping[str, str],
     ) -> SimpleNamespace:
+        # Imported here: most of these processes die before.
+        import numpy as np
+
+        from vbaa_bench.dataset.writer import shard_writer
+
         with shard_writer(self.layout, number) as writer:
             for name in frames:
                 writer.begin(name.frame_id)
@@ -75,7 +88,7 @@ class PoisonedWorker:
                 tick()
         return SimpleNamespace(digests=writer.digests, failed=writer.failed)
 
-    def _die_at(self, name: FrameName) -> None:
+    def _die_at(self, name: Name) -> None:
         if name.number == FATAL_NUMBER or (
             name.number == KILLED_NUMBER and self._is_first(name.frame_id)
         ):
@@ -94,13 +107,9 @@ class PoisonedRigs:
 
     def __init__(self, *_: object) -> None: ...
 
-    def rig(
-        self, _tick: Callable[[], None], number: int, root: Path, _given_up: object
-    ) -> "RigResult":
+    def rig(self, _tick: Callable[[], None], number: int, root: Path, _given_up: object) -> Rig:
         with aside(Layout(root), "meter") as own:
             own.begin_image("the board")
             if number == 1:
                 os.kill(os.getpid(), signal.SIGKILL)
-        from vbaa_bench.generation.collection import RigResult  # imports the renderer
-
-        return RigResult(number, {"rig": str(number), "reason": None}, "")
+        return Rig(number, {"rig": str(number), "reason": None}, "")

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import find_peaks
 
 from solver.centreline.line_sums import Line, Sheet, line_at
+from solver.centreline.peaks import find_peaks
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
@@ -96,19 +96,18 @@ def find_second_line(means: Across, polarity: int, radius: float) -> SecondLine 
     for sign in (1, -1):
         # The ground between two lines is no line of the other sign.
         relief = np.maximum(sign * beam, 0.0)
-        peaks, shapes = find_peaks(relief, prominence=least)
-        for peak, prominence in zip(peaks, shapes["prominences"], strict=True):
+        for peak, prominence in find_peaks(relief, least):
             side = 1 if peak > axis else -1
-            distance = side * (_vertex(relief, int(peak)) - axis)
+            distance = side * (_vertex(relief, peak) - axis)
             if not edge + LIMITS.min_gap_px <= distance <= reach:
                 continue
-            opposite = round(2 * axis) - int(peak)
+            opposite = round(2 * axis) - peak
             mirrored = relief[max(opposite - 1, 0) : max(opposite + 2, 0)]
             if sign < 0 and mirrored.max(initial=0.0) > LIMITS.flank_symmetry * prominence:
                 continue
             # The outer flank: the inner one may overlap with the beam's.
-            clear = distance - _edge(relief, int(peak), side, FOOT)
-            lines.append(SecondLine(side * distance, sign * float(prominence) / height, clear))
+            clear = distance - _edge(relief, peak, side, FOOT)
+            lines.append(SecondLine(side * distance, sign * prominence / height, clear))
     return min(lines, key=lambda other: abs(other.offset), default=None)
 
 

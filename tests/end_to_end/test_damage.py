@@ -14,11 +14,12 @@ from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import sha256
 from solver.instrument.hashes import HASHES, read_hashes
 from solver.instrument.observation import open_observations
-from tests.conftest import SMALL_SCENE
+from tests.conftest import ALL_LAYERS, SMALL_SCENE
 from tests.draws import generator, scene_seed
 from tests.end_to_end.test_generate import digests, quiet
 from tests.restoring import Restorer
 from tests.sealing import reseal
+from tests.vbaa_bench.generation.test_failures import SCENE as SIX_FRAMES
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.damage.damages import kind_of
 from vbaa_bench.dataset import identity
@@ -316,13 +317,10 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
 
 
 def grown_scene(folder: Path, count: int, method: str = "sobol") -> SceneFile:
-    # Bytes are compared: noisy images, and few views of the board, show as much.
-    head = SMALL_SCENE[: SMALL_SCENE.index("pushes:")].replace("views: 6", "views: 3")
-    head += "render: {noise_elsewhere: 2, noise_near_beam: 1, noise_static_layer: 0.5}\n"
-    ranges = "contact_distance_mm: [90, 200], deflection_pct: [5, 9]"
+    # Bytes are compared: tiny images show as much.
+    text = SIX_FRAMES.replace("count: 6", f"count: {count}").replace("sobol", method)
     path = folder / f"{method}_{count}.yaml"
-    sampling = f"sampling: {{method: {method}, count: {count}, {ranges}}}"
-    path.write_text(f"{head}{sampling}\nframes_per_shard: 2\n", encoding="utf-8")
+    path.write_text(text.replace("layers: []\n", ALL_LAYERS), encoding="utf-8")
     return load_scene(path)
 
 

@@ -191,6 +191,7 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     monkeypatch.setattr(generating, "Pool", SameProcess)
     path = tmp_path / "drawn.yaml"
     text = SMALL_SCENE.replace("[100, 200]", "[150]").replace("[10, 20]", "[20]")
+    text = text.replace("views: 6", "views: 4")
     text = text.replace(ALL_LAYERS, "layers: []\n")
     text += "tolerances: {true_rig: drawn, base_mm: 0.2, flexural_rigidity_pct: 3}\n"
     text += "render: {noise_near_beam: 1, noise_elsewhere: 1, noise_static_layer: 0.3}\n"

@@ -4,6 +4,7 @@ import ast
 import doctest
 import importlib
 import types
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,9 +18,11 @@ from vbaa_bench.api import frame as frame_module
 from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.plan import check_scene
+from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.scene.rendering import Layer
-from vbaa_bench.scoring.child import MethodRun
+from vbaa_bench.scoring.child import Job, MethodRun
 from vbaa_bench.scoring.layout import Results
 
 
@@ -28,6 +31,8 @@ def test_examples_run(
     module: types.ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    # The start of a worker takes longer than what the examples render.
+    monkeypatch.setattr(generating, "Pool", SameProcess)
     failed, attempted = doctest.testmod(module)
     assert failed == 0
     assert attempted > 3
@@ -135,15 +140,16 @@ def test_named_methods_are_run_and_scored_alone(
     ran: list[str] = []
     scored: list[set[str]] = []
 
-    def run_method(_data: Layout, method: str, out: Path, *_: Any, **_options: Any) -> MethodRun:
-        ran.append(method)
-        return MethodRun(out, 1, 0, "")
+    def solve_each(jobs: list[Job], *_: Any) -> Iterator[MethodRun]:
+        for job in jobs:
+            ran.append(job.method)
+            yield MethodRun(job.out, 1, 0, "")
 
     def write_scores(_results: Results, tables: dict[str, Path]) -> dict[str, Any]:
         scored.append(set(tables))
         return {}
 
-    monkeypatch.setattr(results_module, "run_method", run_method)
+    monkeypatch.setattr(results_module, "solve_each", solve_each)
     monkeypatch.setattr(results_module, "write_scores", write_scores)
     (tmp_path / "predictions").mkdir()
     for name in ("two_point", "exact_fit", "mine"):

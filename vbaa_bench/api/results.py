@@ -1,6 +1,7 @@
 """Solving of a dataset with methods, and scoring of their estimates."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -16,8 +17,7 @@ from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.generation.workers import cores
 from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.applicable import applicable
-from vbaa_bench.scoring.child import MAX_FRAME_S, MEMORY_GB, MethodRun
-from vbaa_bench.scoring.child import solve as run_method
+from vbaa_bench.scoring.child import MAX_FRAME_S, MEMORY_GB, Job, MethodRun, solve_each
 from vbaa_bench.scoring.collection import score_rigs, solve_rigs
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, run_name
 from vbaa_bench.scoring.score import read_scores, with_own
@@ -95,33 +95,27 @@ def solve(
     chosen = dict.fromkeys(
         name for entry in requested for name in (METHODS if entry == _ALL_METHODS else [entry])
     )
+    # Methods of the solver share a set-up; each of the user's own has its own process.
+    groups = [[name for name in chosen if name in METHODS]]
+    groups += [[name] for name in chosen if name not in METHODS]
+    limits = (repeats, memory_gb, MAX_FRAME_S)
     runs: dict[str, MethodRun] = {}
-    if rigs:
-        # Methods of the solver share a rig's set-up; each of the user's own has its own process.
-        groups = [[name for name in chosen if name in METHODS]]
-        groups += [[name] for name in chosen if name not in METHODS]
-        for group, centreline in product(filter(None, groups), dict.fromkeys(centrelines)):
-            named = {run_name(method, centreline): method for method in group}
+    for group, centreline in product(filter(None, groups), dict.fromkeys(centrelines)):
+        named = {run_name(method, centreline): method for method in group}
+        if rigs:
             on_start(", ".join(named))
-            limits = (repeats, memory_gb, MAX_FRAME_S)
             runs |= solve_rigs(rigs, named, centreline, limits, cores(), on_rig, on_output)
-        return runs
-    for method, centreline in product(chosen, dict.fromkeys(centrelines)):
-        name = run_name(method, centreline)
-        on_start(name)
-        target = results.predictions / f"{name}.csv"
-        runs[name] = run_method(
-            results.dataset,
-            method,
-            target,
-            repeats,
-            centreline,
-            memory_gb=memory_gb,
-            hear=on_output,
-        )
-        if runs[name].traceback:
-            crashed = runs[name].crashed
-            on_output(f"{name}: first of {crashed} crashes:\n{runs[name].traceback}")
+            continue
+        jobs = [
+            Job(method, results.dataset, results.predictions / f"{name}.csv")
+            for name, method in named.items()
+        ]
+        with closing(solve_each(jobs, centreline, limits, on_output)) as solved:
+            for name in named:
+                on_start(name)
+                runs[name] = run = next(solved)
+                if run.traceback:
+                    on_output(f"{name}: first of {run.crashed} crashes:\n{run.traceback}")
     return runs
 
 

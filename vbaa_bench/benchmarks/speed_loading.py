@@ -122,7 +122,7 @@ def _rate(loader: Any, frames: int, seconds: float) -> dict[str, float]:
     _epoch(loader, frames)
     first_s, images = time.perf_counter() - start, 0
     start, start_processor = time.perf_counter(), time.process_time()
-    while time.perf_counter() - start < seconds:
+    while not images or time.perf_counter() - start < seconds:
         images += _epoch(loader, frames)
     return {
         "first_epoch_s": first_s,

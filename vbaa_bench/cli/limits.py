@@ -71,7 +71,7 @@ def limits(
         from vbaa_bench.report.limits_page import limits_page
         from vbaa_bench.report.limits_summary import answers, summary_table
         from vbaa_bench.scene.load import load_scene
-        from vbaa_bench.scoring.information import SETS, check_information
+        from vbaa_bench.scoring.information_sets import SETS, check_information
 
     check_information(information, "--information")
     required = requirements.requirements(require or [], information)

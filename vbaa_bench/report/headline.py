@@ -6,7 +6,7 @@ from markupsafe import Markup, escape
 
 from vbaa_bench.report.numbers import percent, short
 from vbaa_bench.report.statistics import MethodStatistics
-from vbaa_bench.scoring.information import SETS
+from vbaa_bench.scoring.information_sets import SETS
 
 # Chosen: with 300 frames a method with right intervals is outside of these in 1 of 1,000 reports.
 _TOO_NARROW, _TOO_WIDE = 0.90, 0.99

@@ -14,7 +14,7 @@ from vbaa_bench.report.labels import spread
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
 from vbaa_bench.report.statistics import MethodStatistics
-from vbaa_bench.scoring.information import SETS
+from vbaa_bench.scoring.information_sets import SETS
 
 # Distance between the centres of labels, for letters 12 px high.
 LABEL_GAP_PX: Final = 16

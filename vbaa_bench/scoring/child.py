@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +20,7 @@ from solver.instrument.safe_path import PYTHON
 from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path
 from solver.methods import METHODS
+from solver.methods.by_name import find_method
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.dataset.recorded import write_results
@@ -130,7 +131,7 @@ def solve_each(
     centreline: str,
     limits: tuple[int, float, float],
     hear: Callable[[str], None] = lambda _line: None,
-) -> Iterator[MethodRun]:
+) -> Generator[MethodRun, None, None]:
     """Run methods on datasets, as `solve` does.
 
     One process runs them all, one after another, and sets up a dataset once for consecutive jobs.
@@ -139,6 +140,9 @@ def solve_each(
     row. Raises InputError as `solve` does.
     """
     remaining = list(jobs)
+    for job in jobs:
+        if ":" not in job.method:
+            find_method(job.method)  # a misspelled name is found before anything is started
     while remaining:
         with _temporary_folder() as folder:
 

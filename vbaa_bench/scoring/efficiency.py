@@ -3,7 +3,7 @@
 import math
 from typing import Any, Final
 
-from vbaa_bench.scoring.information import SETS
+from vbaa_bench.scoring.information_sets import SETS
 
 _QUANTITIES: Final = {
     "x_c_mm": "the contact distance",

@@ -4,21 +4,12 @@ from typing import Any, Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError
 from vbaa_bench.dataset.derived import LIMITS, read_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.table_schema import LARGEST, NUMBER, TEXT, Schema, checked
 from vbaa_bench.scoring.scored_quantities import LIMITED
 
-# Information sets, as in the table of limits, in words.
-SETS: Final = {
-    "planar": "the image and the known plane",
-    "learned": "the image, the known plane and the pushes to learn from",
-    "image": "the image",
-    "moment": "the image and the moment sensor",
-    "force": "the image and the force sensor",
-    "push": "the images of the push",
-}
 # The set of each method of the solver. Others use "image", unless they declare another one.
 _OF_METHOD: Final = {
     "two_point": "planar",
@@ -61,14 +52,6 @@ def information_of(method: str, scene: dict[str, Any]) -> str:
     if name in _WITH_SENSOR and scene.get("moment_sensor") is not None:
         return "moment"
     return _OF_METHOD.get(name, "image")
-
-
-def check_information(name: str, source: str) -> None:
-    """Raise InputError unless `name`, which `source` declares, is an information set."""
-    if name not in SETS:
-        raise InputError(
-            f"{source}: information {quoted(name)} is unknown, allowed is one of {', '.join(SETS)}"
-        )
 
 
 def scored_limits(layout: Layout) -> pl.DataFrame | None:

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from solver.instrument.estimate import Assumption, Outcome
 from solver.lab.table import COLUMNS
-from vbaa_bench.scoring.information import SETS
+from vbaa_bench.scoring.information_sets import SETS
 
 # Length limits of texts [characters]. Chosen: a message is one cell of a table, a traceback one
 # page; a method may send megabytes.

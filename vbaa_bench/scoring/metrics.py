@@ -15,7 +15,8 @@ from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.dataset.recorded import exists
 from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.conditions import CONDITIONS
-from vbaa_bench.scoring.information import check_information, information_of, with_limits
+from vbaa_bench.scoring.information import information_of, with_limits
+from vbaa_bench.scoring.information_sets import check_information
 from vbaa_bench.scoring.refusals import right_refusals, rightly_refused
 from vbaa_bench.scoring.scene_values import object_radius, scene_value
 from vbaa_bench.scoring.scored_quantities import (

@@ -35,7 +35,6 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
 from solver.lab.table import row
 from solver.methods import METHODS
-from solver.methods.by_name import find_method
 from vbaa_bench.scoring.messages import (
     MAX_TRACEBACK,
     TICK_S,
@@ -341,13 +340,6 @@ def main() -> None:
         observations = Path(path)
         limits = int(repeats), float(memory_gb), float(frame_s)
         task = Task(observations, method, Path(folder, SOURCES), centreline, *limits)
-        try:
-            if ":" not in method:
-                find_method(method)  # a misspelled name is found before the rig is set up
-        except InputError as error:
-            print(json.dumps({"unusable": str(error)}), flush=True)
-            print(json.dumps({"end": path}), flush=True)
-            continue
         try:
             opened_observations, _ = opened(observations, centreline)
             for message in supervise(task, opened_observations, workers, chosen):

@@ -29,7 +29,7 @@ from solver.methods import LEARNING, METHODS, Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from vbaa_bench.scoring.estimate_faults import estimate_faults
-from vbaa_bench.scoring.information import check_information
+from vbaa_bench.scoring.information_sets import check_information
 from vbaa_bench.scoring.messages import (
     MAX_MESSAGE,
     MAX_TRACEBACK,

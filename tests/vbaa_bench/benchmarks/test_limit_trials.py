@@ -25,7 +25,10 @@ def lit(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LitScene:
     return LitScene(load_scene(path), variant)
 
 
-def test_the_most_likely_contact_of_noisy_exposures_reaches_the_limit(lit: LitScene) -> None:
+def test_the_most_likely_contact_of_noisy_exposures_reaches_the_limit(
+    lit: LitScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limit_trials, "_REPEATED", 3)
     record = limit_trials.trials(LimitedFrame(lit, lit.frames(1)[0]), EXPOSURES)
     # The standard deviation of 2,000 estimates is uncertain by 1.6 %.
     assert record["spread_over_limit"] == pytest.approx(1.0, abs=0.05)

@@ -58,7 +58,7 @@ def test_scoring_and_reporting_are_measured(solved: Results) -> None:
     record = measure(solved.root, 8)
     assert record["methods"] == ["far", "near"]
     for stage in ("score", "report"):
-        assert record[stage]["seconds"] > 0.1
-        assert record[stage]["processor_s"] > 0.1
+        assert record[stage]["seconds"] > 0
+        assert record[stage]["processor_s"] > 0
         assert 0.05 < record[stage]["peak_gb"] < 4
     assert [path.name for path in solved.root.parent.iterdir()] == ["small"]

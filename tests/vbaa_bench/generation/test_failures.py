@@ -17,7 +17,7 @@ from solver.instrument.observation import open_observations
 from tests.draws import seeded
 from tests.end_to_end.test_generate import digests, quiet
 from tests.mortal import Mortal
-from tests.poisoned import FATAL_IMAGE, KILLED_IMAGE, PoisonedRigs, PoisonedWorker
+from tests.poisoned import FATAL_IMAGE, KILLED_IMAGE, Name, PoisonedRigs, PoisonedWorker
 from vbaa_bench import cli
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.inventory import Contents, Inventory, take_inventory
@@ -83,7 +83,7 @@ def check_frames(layout: Layout, expected: set[str], failed: dict[str, str]) -> 
 
 def poisoned(root: Path, *images: str) -> MissingFiles:
     """The missing files of a dataset of eight frames in four shards, of which none exists."""
-    names = [FrameName(f"frame {number}", number) for number in range(8)]
+    names: Any = [Name(f"frame {number}", number) for number in range(8)]
     shards = {number: tuple(names[2 * number : 2 * number + 2]) for number in range(4)}
     ids = {number: tuple(name.frame_id for name in shard) for number, shard in shards.items()}
     layout = Layout(root)

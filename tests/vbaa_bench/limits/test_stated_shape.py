@@ -1,6 +1,7 @@
 """Limits where taper, section, clamp, friction or camera are known only to a tolerance."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ def _active(variant: str) -> None:
     activate(variant, 1)
 
 
+@cache
 def stated(**tolerances: Any) -> FrameLimits:
     return push(tolerances={"flexural_rigidity_pct": 1.0, **tolerances})[1]
 

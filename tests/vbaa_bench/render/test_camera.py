@@ -14,7 +14,7 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
-from tests.even import even_picture
+from tests.even import REACH_PX, even_picture
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.surface import RenderUnit, Surface
@@ -47,7 +47,11 @@ def telecentric_camera(distance: float = 0.36) -> Camera:
 
 
 def picture_of_points(
-    camera: Camera, scale: float = 1.0, lamp_height: float = 0.6, samples: int = 512
+    camera: Camera,
+    scale: float = 1.0,
+    lamp_height: float = 0.6,
+    samples: int = 512,
+    about: Floats | None = None,
 ) -> Floats:
     """White squares about POINTS, facing an even light on the camera's side, all lengths scaled."""
     squares = [sheet(point * scale, 0.003 * scale, 1) for point in POINTS]
@@ -64,14 +68,14 @@ def picture_of_points(
     lamp = Lamp(sheet(np.array([0.12, 0.0, lamp_height]) * scale, 2.0 * scale, -1))
     unit = RenderUnit(0.4e-3 * scale, np.array([0.12, 0.0, 0.0]) * scale)
     world = World(scaled, lamp, {"marks": Surface(marks, 0.9)}, unit)
-    return even_picture(world, samples, 1)
+    return even_picture(world, samples, 1, about)
 
 
 def centroids(image: Floats, expected: Floats) -> Floats:
-    found = []
+    found, near = [], np.arange(-REACH_PX, REACH_PX + 1)
     for u, v in np.rint(expected).astype(int):
-        part = image[v - 9 : v + 10, u - 9 : u + 10]
-        rows, columns = np.mgrid[v - 9 : v + 10, u - 9 : u + 10]
+        rows, columns = np.meshgrid(v + near, u + near, indexing="ij")
+        part = image[rows, columns]
         found.append([(columns * part).sum() / part.sum(), (rows * part).sum() / part.sum()])
     return np.array(found)
 
@@ -91,7 +95,7 @@ def test_mitsuba_sees_what_opencv_projects() -> None:
     assert camera.project(POINTS) == pytest.approx(pixels, abs=1e-9)
     # Half a pixel, a mirrored axis or a wrong sign would show as 0.5 px and more; perspective
     # within a square, and the light's gradient over it, as a few thousandths.
-    error = centroids(picture_of_points(camera), pixels) - pixels
+    error = centroids(picture_of_points(camera, about=pixels), pixels) - pixels
     assert np.abs(error).max() < 0.01
 
 
@@ -102,7 +106,8 @@ def test_mitsuba_sees_what_a_telecentric_camera_projects(width: int, height: int
     camera = replace(camera, cx=camera.cx + (width - 320) / 2, cy=camera.cy + (height - 256) / 2)
     pixels = camera.project(POINTS)
     # A lamp far off is nearly a point, whose light has hardly any noise.
-    error = centroids(picture_of_points(camera, lamp_height=12.0), pixels) - pixels
+    image = picture_of_points(camera, lamp_height=12.0, about=pixels)
+    error = centroids(image, pixels) - pixels
     assert np.abs(error).max() < 0.01
 
 
@@ -111,7 +116,8 @@ def test_a_telecentric_camera_far_off_loses_no_digits() -> None:
     camera = telecentric_camera(distance=7.2)
     pixels = camera.project(POINTS)
     assert pixels == pytest.approx(telecentric_camera().project(POINTS), abs=1e-9)
-    error = centroids(picture_of_points(camera, lamp_height=12.0), pixels) - pixels
+    image = picture_of_points(camera, lamp_height=12.0, about=pixels)
+    error = centroids(image, pixels) - pixels
     assert np.abs(error).max() < 0.01
 
 

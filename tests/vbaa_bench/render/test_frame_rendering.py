@@ -102,12 +102,13 @@ def test_every_surface_has_its_index(world: World, seen: Layers) -> None:
 
 def test_tracing_chosen_pixels_agrees_with_the_renderer(world: World, seen: Layers) -> None:
     v, u = np.nonzero(seen.beam_mask)
-    pixels = np.column_stack([u, v])[::3]
-    found = trace(world, pixels, np.full(len(pixels), 128), scene_seed(5), "whole")
-    film = mi.render(world.scene, sensor=world.sensor, spp=128, seed=mi.UInt32(scene_seed(77)))
+    pixels = np.column_stack([u, v])
+    found = trace(world, pixels, np.full(len(pixels), 64), scene_seed(5), "whole")
+    film = mi.render(world.scene, sensor=world.sensor, spp=64, seed=mi.UInt32(scene_seed(77)))
     reference = np.asarray(film)[pixels[:, 1], pixels[:, 0], 0]
-    # The mean over the beam's pixels; a path of 128 samples errs by 2 % in each.
-    assert found.radiance.mean() == pytest.approx(reference.mean(), rel=0.003)
+    # The mean over the beam's pixels; a path of 64 samples errs by 3 % in each. See
+    # test_unbiased for smaller differences.
+    assert found.radiance.mean() == pytest.approx(reference.mean(), rel=0.008)
     assert (found.coverage > 0).all()
 
 

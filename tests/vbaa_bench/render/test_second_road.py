@@ -106,7 +106,7 @@ def roads(
 
 
 def test_the_mesh_shows_the_smooth_beam(roads: Callable[[float, int], Roads]) -> None:
-    seen = roads(0.002, 8)
+    seen = roads(0.002, 2)
     assert seen.apart < 1e-4
     mesh, curve = seen.mesh.mean(axis=0), seen.curve.mean(axis=0)
     inner = clear_columns(seen)

@@ -149,15 +149,6 @@ def test_training_sets_keep_their_frames_when_they_grow(name: str) -> None:
     assert len({trial.scene.object for trial in large}) == 8
 
 
-@pytest.mark.parametrize("path", sorted(SCENES.rglob("*.yaml")), ids=lambda path: path.stem)
-def test_no_shipped_scene_fixes_the_motor_angle_of_first_contact(path: Path) -> None:
-    scene = load_scene(path).scene
-    pushes = scene.pushes or scene.sampling
-    assert pushes is not None
-    low, high = pushes.motor_angle_at_contact_deg
-    assert high - low >= 5
-
-
 def test_encoder_and_tip_do_not_tell_the_contact() -> None:
     file = load_scene(FIG8)
     rig = true_rig(file.scene)

@@ -9,7 +9,7 @@ from solver.instrument.errors import InputError
 from tests.conftest import SCENE_TEXT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.scene.load import check_scene, load_scene, recorded_scene
+from vbaa_bench.scene.load import SceneFile, check_scene, load_scene, recorded_scene
 from vbaa_bench.scene.renamed import RENAMED
 
 SCENES = Path(__file__).parents[3] / "scenes"
@@ -36,11 +36,22 @@ def test_fig8_is_the_papers_experiment() -> None:
             )
 
 
-@pytest.mark.parametrize("path", sorted(SCENES.rglob("*.yaml")), ids=lambda path: path.stem)
-def test_a_recorded_scene_is_the_same_scene(path: Path) -> None:
-    scene = load_scene(path).scene
-    record = json.loads(json.dumps(scene.model_dump(mode="json")))
-    assert recorded_scene(record, path.parent).scene == scene
+@pytest.fixture(scope="module", params=sorted(SCENES.rglob("*.yaml")), ids=lambda path: path.stem)
+def shipped(request: pytest.FixtureRequest) -> SceneFile:
+    """Each scene of this repository. Hundreds of draws of a random one are checked: up to 1 s."""
+    return load_scene(request.param)
+
+
+def test_a_recorded_scene_is_the_same_scene(shipped: SceneFile) -> None:
+    record = json.loads(json.dumps(shipped.scene.model_dump(mode="json")))
+    assert recorded_scene(record, shipped.folder).scene == shipped.scene
+
+
+def test_no_shipped_scene_fixes_the_motor_angle_of_first_contact(shipped: SceneFile) -> None:
+    pushes = shipped.scene.pushes or shipped.scene.sampling
+    assert pushes is not None
+    low, high = pushes.motor_angle_at_contact_deg
+    assert high - low >= 5
 
 
 def test_every_mistake_is_listed_at_its_place(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import json
 import math
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,7 @@ from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.api import results as api
 from vbaa_bench.cli import results as commands
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.scoring.child import MethodRun
+from vbaa_bench.scoring.child import Job, MethodRun
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
 from vbaa_bench.scoring.score import found_predictions
 
@@ -111,13 +111,12 @@ def test_the_profile_fit_is_the_usual_one_and_has_the_plain_name(
 ) -> None:
     asked: dict[str, str] = {}
 
-    def solve(
-        _of: Layout, _method: str, out: Path, _repeats: int, centreline: str, **_: Any
-    ) -> MethodRun:
-        asked[out.stem] = centreline
-        return MethodRun(out, 1, 0, "")
+    def solve_each(jobs: list[Job], centreline: str, *_: Any) -> Iterator[MethodRun]:
+        for job in jobs:
+            asked[job.out.stem] = centreline
+            yield MethodRun(job.out, 1, 0, "")
 
-    monkeypatch.setattr(api, "run_method", solve)
+    monkeypatch.setattr(api, "solve_each", solve_each)
     monkeypatch.setattr(commands, "outcomes", lambda _path: "")
     answer = said("solve", tmp_path, "--method", "mine:best", *words, "--json")
     assert set(json.loads(answer)["predictions"]) == set(kept)

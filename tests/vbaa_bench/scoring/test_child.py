@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.report.report import report
 from vbaa_bench.scoring import child
-from vbaa_bench.scoring.child import MethodRun, solve
+from vbaa_bench.scoring.child import Job, MethodRun, solve
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.user_modules import copy_sources
 
@@ -54,8 +55,7 @@ def in_turn(measurement):
     if number == 3:
         return bytearray(3 * 10**9) if len(measurement.earlier) == 1 else "no past"
     if number == 4:
-        while True:
-            pass
+        time.sleep(1e6)
     return METHODS["exact_fit"](measurement)
 """
 
@@ -104,7 +104,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     heard: list[str] = []
     out = root / "predictions" / "own.csv"
     solved = solve(
-        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=5.0, hear=heard.append
+        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=3.0, hear=heard.append
     )
     with out.open(encoding="utf-8") as stream:
         messages = [one["message"] for one in csv.DictReader(stream)]
@@ -112,7 +112,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
         Outcome.CONTACT.sentence,
         "the method's process died: exit status 7",
         "MemoryError: the method needs more than 2.5 GB, the limit of --memory",
-        "timed out: no answer within 5 s",
+        "timed out: no answer within 3 s",
     ]
     assert (solved.frames, solved.crashed) == (4, 3)
     assert 'File "failing.py", line 21, in in_turn' in solved.traceback
@@ -241,10 +241,10 @@ def test_the_status_is_one_where_every_frame_crashed_and_the_traceback_is_shown(
 ) -> None:
     trace = 'Traceback (most recent call last):\n  File "[/x].py", line 3\nRuntimeError: no idea'
 
-    def pretended(_layout: Layout, _method: str, out: Path, *_: Any, **_more: Any) -> MethodRun:
-        return MethodRun(out, 4, crashed, trace)
+    def pretended(jobs: list[Job], *_: Any) -> Iterator[MethodRun]:
+        yield MethodRun(jobs[0].out, 4, crashed, trace)
 
-    monkeypatch.setattr(api, "run_method", pretended)
+    monkeypatch.setattr(api, "solve_each", pretended)
     monkeypatch.setattr(commands, "outcomes", lambda _table: "")
     done = CliRunner().invoke(cli.app, ["solve", str(tmp_path), "--method", "mine:f"])
     assert done.exit_code == status, done.output

@@ -101,7 +101,7 @@ def test_cheap_tricks_cost_their_frame_and_no_process_is_left(
     times = [float(one["image_ms"]) for one in rows if one["message"] == "an answer"]
     used = [float(one["processor_ms"]) for one in rows if one["message"] == "an answer"]
     assert len(times) == 2
-    assert max(times) > 200
+    assert max(times) > 100  # 200 by the judge's clock, 0 by the patched one
     assert min(used) > 0
     assert all(float(one["reference_ms"]) > 0 for one in rows if one["reference_ms"])
     assert not is_alive(int((tmp_path / "daemon").read_text(encoding="utf-8")))
@@ -111,8 +111,8 @@ def test_a_stuck_method_is_given_up_and_its_warm_up_counts(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    messages = [one["message"] for one in solved_rows(dataset, tmp_path, "stuck", frame_s=1.0)]
-    reason = "timed out: no answer within 1 s"
+    messages = [one["message"] for one in solved_rows(dataset, tmp_path, "stuck", frame_s=0.3)]
+    reason = "timed out: no answer within 0.3 s"
     not_tried = f"not tried, 3 losses in a row; last {reason}"
     assert sorted(messages) == [not_tried, not_tried, reason, reason]
 
@@ -162,16 +162,17 @@ def test_a_malformed_message_is_refused(line: bytes, pair: Pair) -> None:
 
 
 def test_an_endless_message_is_refused_and_a_begun_one_is_not_waited_for(pair: Pair) -> None:
-    supervisor, its = SupervisorEnd(pair[0], lambda: False), pair[1]
-    its.setblocking(False)
-    its.send(b"x" * 100_000)
+    def goes_on() -> bool:  # called while the supervisor waits
+        pair[1].send(b"x" * 60_000)
+        return False
+
+    pair[1].setblocking(False)
+    supervisor = SupervisorEnd(pair[0], goes_on)
+    pair[1].send(b"x" * 100_000)
     with pytest.raises(TimeoutError):
         supervisor.receive(time.monotonic() + 0.01, "row")
-    for _ in range(3):
-        its.send(b"x" * 60_000)
-        with pytest.raises((TimeoutError, MessageError)) as ended:
-            supervisor.receive(time.monotonic() + 0.01, "row")
-    assert "of more than" in str(ended.value)
+    with pytest.raises(MessageError, match="of more than"):
+        supervisor.receive(time.monotonic() + 60, "row")
 
 
 def test_the_last_message_of_a_process_that_has_ended_is_read(pair: Pair) -> None:

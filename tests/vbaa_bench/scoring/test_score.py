@@ -289,7 +289,6 @@ def overwrite_truth(root: Path) -> None:
     ("method", "change"),
     [
         ("exact_fit", overwrite_truth),
-        ("user_methods:good", overwrite_truth),
         ("user_methods:good", shutil.rmtree),
     ],
 )
