@@ -62,9 +62,10 @@ def test_a_taper_that_the_rig_excludes_is_refused_in_an_unknown_plane(place: flo
     assert exact_fit_3d(with_tip(0.01, place, 1.2)).outcome is Outcome.CONTACT
 
 
+@pytest.mark.false_alarm(2e-6, "binomial, more than 4 of 20 at 1 %; none of 280 courses")
 def test_errors_that_neighbours_share_are_no_taper(random: np.random.Generator) -> None:
     frames = [disturbed(bent(0.05, 0.6, 1.2), 12, 2 * SIGMA, random) for _ in range(20)]
-    assert not any("rig.json" in exact_fit(frame).message for frame in frames)
+    assert sum("rig.json" in exact_fit(frame).message for frame in frames) <= 4
 
 
 @pytest.mark.parametrize("taper", [-0.4, -0.1])
@@ -80,6 +81,7 @@ def test_a_taper_on_a_rig_that_states_a_uniform_beam(
     assert outcomes.count(Outcome.INVALID) >= 3
 
 
+@pytest.mark.false_alarm(3e-6, "binomial, more than 5 of 20 at 2 %, as of 200 courses")
 def test_errors_of_neighbours_on_a_uniform_beam_are_in_its_sigmas(
     random: np.random.Generator,
 ) -> None:
@@ -91,5 +93,6 @@ def test_errors_of_neighbours_on_a_uniform_beam_are_in_its_sigmas(
         assert estimate.outcome is Outcome.CONTACT, estimate.message
         error = estimate.values["x_c_m"] - float(beam.points[0, 0])
         in_sigmas.append(error / estimate.sigma("x_c_m"))
-    # One course of twenty looks like another place of the contact.
-    assert np.count_nonzero(np.abs(in_sigmas) < 3) >= 19
+    # Now and then a course looks like another place of the contact.
+    assert np.count_nonzero(np.abs(in_sigmas) < 3) >= 15
+    assert np.median(np.abs(in_sigmas)) < 1.5

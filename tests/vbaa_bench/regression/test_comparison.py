@@ -81,18 +81,22 @@ def test_a_method_three_times_worse_is_found_through_other_noise() -> None:
     assert verdicts.count("worse") >= 5
 
 
+@pytest.mark.false_alarm(1e-5, "binomial, of 150 pairs 99 % are found, without an alarm")
 @pytest.mark.parametrize("same_images", [True, False])
 def test_a_slower_method_is_found_and_machine_noise_is_not(same_images: bool) -> None:
-    for n in range(4):
+    alarms = found = 0
+    for n in range(10):
         old, new = run(2 * n), run(2 * n + 1)
         if same_images:
             new = replace(new, images=old.images)
         label = TIME.label
         unchanged = {name: of(compared(old, new), name, label).verdict for name in METHODS}
-        assert not set(unchanged.values()) & {"worse", "better"}
+        alarms += len({"worse", "better"} & set(unchanged.values()))
         slower = changed(new, TIME.column, 1.3, pl.col("method") == METHODS[n % 2])
         verdicts = {name: of(compared(old, slower), name, label).verdict for name in METHODS}
-        assert verdicts == unchanged | {METHODS[n % 2]: "worse"}
+        found += verdicts == unchanged | {METHODS[n % 2]: "worse"}
+    assert alarms <= 3
+    assert found >= 7
 
 
 def test_changes_below_the_tolerances_are_not_reported() -> None:

@@ -162,9 +162,8 @@ def test_the_noise_near_the_beam_reaches_its_target(world: World, ground: Static
     assert 0.05 < affected.mean() < 0.98
     assert (radiance[:, ~affected] == ground.radiance[~affected]).all()
     assert all((image.samples[~affected] == 0).all() for image in images)
-    # Elsewhere a pixel is left out by chance.
+    # Elsewhere a pixel is left out by chance, with a probability of at most 3/4.
     often = np.mean([image.samples >= SETS for image in images], axis=0)[affected]
-    assert often.min() > 0
     assert often.mean() > 0.25
 
 
