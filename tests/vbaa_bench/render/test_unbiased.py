@@ -52,7 +52,7 @@ pushes: {contact_distance_mm: [30], deflection_pct: [10]}
 # means, 0.12 %.
 IMAGES, REFERENCES, SAMPLES = 28, 22, 144
 # The chance that any region of an unbiased renderer is taken for biased.
-FALSE_ALARM = 1e-3
+FALSE_ALARM = 1e-5
 # The render's noise over the sensor's: so much that a pixel gets a few samples.
 COARSE = (3.0, 3.0, 1.0)
 FINE = (0.3, 0.3, 0.1)
@@ -157,16 +157,17 @@ def test_every_region_is_there(seen: Seen) -> None:
     assert min(where.sum() for where in seen.regions.values()) > 60
 
 
+@pytest.mark.false_alarm(FALSE_ALARM, "Welch's t test with Bonferroni's limit")
 def test_no_region_is_biased(seen: Seen) -> None:
     assert biased(seen.images, seen.references, seen.regions) == {}
 
 
-def test_a_bias_of_half_a_percent_at_the_beams_edge_is_found(seen: Seen) -> None:
+def test_a_bias_of_an_eightieth_at_the_beams_edge_is_found(seen: Seen) -> None:
     edge = seen.regions["beam edge"]
     # From no bias at all, so that what is found does not hang on what chance brought.
     level = seen.references[:, edge].mean() / seen.images[:, edge].mean()
     assert biased(seen.images * level, seen.references, {"beam edge": edge}) == {}
-    for factor in (1.005, 0.995):
+    for factor in (1.0125, 0.9875):
         wrong = np.where(edge, factor * level * seen.images, seen.images)
         found = biased(wrong, seen.references, seen.regions)
         assert found == {"beam edge": pytest.approx(factor - 1)}
