@@ -1,10 +1,14 @@
 """Errors over what is stated of them."""
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
 from solver.instrument.estimate import Estimate
+
+# Limit of a single error. Derived: a normal error exceeds it once in 26 million.
+MOST_SIGMAS: Final = 5.5
 
 
 def nees(estimate: Estimate, truth: Mapping[str, float]) -> float:

@@ -5,6 +5,7 @@ import pytest
 
 from solver.instrument.beam_shape import stated_shape
 from solver.methods.exact_fit import exact_fit
+from tests.consistency import MOST_SIGMAS
 from tests.simulated import BEAM, columns
 from tests.tapered import SIGMA, bowed
 from vbaa_bench.mechanics.loaded import Load, loaded
@@ -35,4 +36,4 @@ def test_a_bow_is_no_contact(side: int, place: float, random: np.random.Generato
     answer = exact_fit(bowed(points, removed, bow, np.zeros(3), SHAPE))
     assert "x_c_m" in answer.values, answer
     assert answer.sigma("x_c_m") < 0.02 * LENGTH
-    assert abs(answer.values["x_c_m"] - beam.points[0, 0]) < 3 * answer.sigma("x_c_m")
+    assert abs(answer.values["x_c_m"] - beam.points[0, 0]) < MOST_SIGMAS * answer.sigma("x_c_m")

@@ -14,6 +14,7 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.methods import METHODS
 from solver.tracker import run_method
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.hard_cases.beams import REFERENCES, is_sound, pushed_beam, true_contact, with_points
 from tests.simulated import BEAM
@@ -128,7 +129,7 @@ def test_whatever_is_known_of_the_clamp_there_is_an_outcome(name: str, clamp: Fl
     found = sound(name, replace(FLAT, base_covariance=clamp))
     if name in EXACT and found.values:
         true = true_contact_of_flat()
-        assert abs(found.values["x_c_m"] - true) < 4 * found.sigma("x_c_m")
+        assert abs(found.values["x_c_m"] - true) < MOST_SIGMAS * found.sigma("x_c_m")
 
 
 def true_contact_of_flat() -> float:
@@ -211,7 +212,7 @@ def test_a_beam_bent_by_up_to_45_percent(name: str, distance: float, deflection:
     if name in EXACT:
         true = true_contact(distance, deflection)
         assert found.outcome is Outcome.CONTACT
-        assert abs(found.values["x_c_m"] - true) < 4 * found.sigma("x_c_m")
+        assert abs(found.values["x_c_m"] - true) < MOST_SIGMAS * found.sigma("x_c_m")
         # What friction might be at, one frame does not tell.
         if name != "push_fit_friction":
             assert found.sigma("x_c_m") < 2e-3 * BEAM.length
@@ -225,7 +226,7 @@ def test_a_contact_at_the_tip(name: str, deflection: float) -> None:
     if name in EXACT:
         assert found.outcome in (Outcome.TIP_CONTACT, Outcome.CONTACT)
         true = true_contact(distance, deflection)
-        assert abs(found.values["x_c_m"] - true) < 4 * found.sigma("x_c_m")
+        assert abs(found.values["x_c_m"] - true) < MOST_SIGMAS * found.sigma("x_c_m")
 
 
 @pytest.mark.parametrize("deflection", [0.02, 0.1])
@@ -235,4 +236,4 @@ def test_a_contact_two_millimetres_from_the_clamp(name: str, deflection: float) 
     found = sound(name, pushed_beam(0.002, deflection=deflection, earlier=()))
     if name in EXACT and found.values:
         true = true_contact(0.002, deflection)
-        assert abs(found.values["x_c_m"] - true) < 4 * found.sigma("x_c_m")
+        assert abs(found.values["x_c_m"] - true) < MOST_SIGMAS * found.sigma("x_c_m")

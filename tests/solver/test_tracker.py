@@ -20,6 +20,7 @@ from solver.shading import SHADING, SHADING_SIGMA
 from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.laboratory import GUIDE, antenna, antenna_with
 
@@ -49,7 +50,7 @@ def test_a_tip_of_any_kind_is_where_the_beam_ends(kind: str) -> None:
         along /= np.hypot(*along)
         off = tip.point - end
         sigma = np.sqrt(along @ tip.covariance @ along + (lab.tip_sigma * LENGTH) ** 2)
-        assert abs(off @ along) < 3 * sigma
+        assert abs(off @ along) < MOST_SIGMAS * sigma
         assert sigma < 0.2 * 0.5e-3
 
 

@@ -11,6 +11,7 @@ from solver.at_rest.landmarks import Landmarks, Shift, learn_landmarks
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import Sensor
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 
 HEIGHT, WIDTH = 100, 140
@@ -72,7 +73,7 @@ def test_a_shift_is_found_within_its_sigma(du: float, dv: float) -> None:
     # The interpolation between pixels errs by some thousandths.
     off = np.array([shift.du - du, shift.dv - dv])
     sigma = np.sqrt(np.diag(covariance(shift)))
-    assert (np.abs(off) < 6 * sigma + 0.003).all()
+    assert (np.abs(off) < MOST_SIGMAS * sigma + 0.003).all()
     assert sigma.max() < 0.1
     assert shift.exceeds(0.0)
 

@@ -18,6 +18,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.planes.plane_c import on_plane
+from tests.consistency import MOST_SIGMAS
 from tests.drawn import drawn
 from tests.draws import generator
 from tests.solver.calibrate.rigs import (
@@ -67,8 +68,8 @@ def test_the_true_camera_is_found_within_its_stated_errors(name: str) -> None:
     assert np.abs(back - points[:, :2]).max() < 15e-6
     assert found.covariance is not None
     sigma = np.sqrt(np.diag(found.covariance))
-    assert (np.abs(pose_error(found.camera, true)) < 3 * sigma[-6:]).all()
-    assert abs(found.camera.fx - true.fx) < 3 * sigma[0]
+    assert (np.abs(pose_error(found.camera, true)) < MOST_SIGMAS * sigma[-6:]).all()
+    assert abs(found.camera.fx - true.fx) < MOST_SIGMAS * sigma[0]
     again = calibrate(views, rig(board, len(lens)))
     assert again.camera.fx == found.camera.fx  # to the last bit
 

@@ -13,6 +13,7 @@ from solver.instrument.board import Chessboard
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.solver.calibrate.rigs import (
     BARREL,
@@ -150,6 +151,6 @@ def test_a_board_printed_too_tall_is_found(stretch: float, random: np.random.Gen
         views.append(BoardDetection(np.arange(108), pixels + random.normal(0, 0.03, pixels.shape)))
     found = pinhole(views, true.width, true.height, rig(BOARD, len(BARREL))).stretch
     assert found is not None
-    assert abs(found.value - stretch) < 5.5 * found.sigma
+    assert abs(found.value - stretch) < MOST_SIGMAS * found.sigma
     assert found.sigma < 2e-4
     assert found.is_significant == (stretch != 0)

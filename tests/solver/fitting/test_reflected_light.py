@@ -13,6 +13,7 @@ from solver.instrument.beam_shape import stated_shape
 from solver.instrument.measurement import Measurement
 from solver.learning.learn import learn_beam
 from solver.learning.page import widths_of
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, columns, measurement
 from tests.tapered import bent
@@ -70,4 +71,4 @@ def test_objects_that_all_reflect_alike_do_not_bias_a_learned_beam_beyond_its_si
         for place in (0.35, 0.5, 0.62, 0.75, 0.88)
     ]
     width, sigma = widths_of(learn_beam(pushes).shape)
-    assert abs(width[-1] - 0.9) < 3 * sigma[-1]
+    assert abs(width[-1] - 0.9) < MOST_SIGMAS * sigma[-1]

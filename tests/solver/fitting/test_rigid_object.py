@@ -16,6 +16,7 @@ from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.estimate import Estimate
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM
 from tests.tapered import bent, measured
@@ -138,4 +139,6 @@ def test_in_a_plane_of_unknown_inclination_the_direction_is_known_as_well() -> N
         for shape in (replace(STATED, rigid_objects=False), STATED)
     )
     assert known.sigma("x_c_m") < 0.95 * either.sigma("x_c_m")
-    assert abs(known.values["x_c_m"] - float(beam.points[0, 0])) < 3 * known.sigma("x_c_m")
+    assert abs(known.values["x_c_m"] - float(beam.points[0, 0])) < MOST_SIGMAS * known.sigma(
+        "x_c_m"
+    )

@@ -10,6 +10,7 @@ from solver.fitting.rod_joint import _covariance, _System, _system, fit_jointly
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import stated_shape
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.tapered import bent, measured
 
@@ -75,4 +76,4 @@ def test_objects_that_are_equally_rough_do_not_bias_the_taper_beyond_its_sigma()
     assert fit.converged
     taper = list(fit.shared).index(WIDTHS)
     sigma = np.sqrt(fit.covariance[taper, taper])
-    assert abs(fit.frames[0, WIDTHS]) < 3 * sigma
+    assert abs(fit.frames[0, WIDTHS]) < MOST_SIGMAS * sigma

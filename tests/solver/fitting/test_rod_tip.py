@@ -14,6 +14,7 @@ from solver.instrument.beam_shape import BeamShape
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Tip
 from solver.methods.exact_fit_3d import exact_fit_3d
+from tests.consistency import MOST_SIGMAS
 from tests.simulated import BEAM
 from tests.tapered import bent, measured
 
@@ -67,7 +68,7 @@ def test_a_cone_in_a_plane_of_unknown_inclination(random: np.random.Generator) -
     assert estimate.outcome is Outcome.CONTACT
     truth = {"psi_rad": 0.0, "x_c_m": float(beam.points[0, 0])}
     for name, value in truth.items():
-        assert abs(estimate.values[name] - value) < 3.5 * estimate.sigma(name), name
+        assert abs(estimate.values[name] - value) < MOST_SIGMAS * estimate.sigma(name), name
     assert estimate.sigma("psi_rad") < 0.2
     assert estimate.sigma("x_c_m") < 0.01 * BEAM.length
 
@@ -86,5 +87,5 @@ def test_a_moment_sensor_determines_the_inclination(random: np.random.Generator)
     # The reading's sigma over the moment in the plane of deflection.
     moment = abs(beam.base_moment[2])
     assert estimate.sigma("psi_rad") == pytest.approx(2e-5 / moment, rel=0.3)
-    assert abs(estimate.values["psi_rad"]) < 3.5 * estimate.sigma("psi_rad")
+    assert abs(estimate.values["psi_rad"]) < MOST_SIGMAS * estimate.sigma("psi_rad")
     assert abs(estimate.values["psi_rad"]) == pytest.approx(1e-5 / moment, rel=0.5)

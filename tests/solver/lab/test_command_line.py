@@ -29,6 +29,7 @@ from solver.instrument.observation import Observations, open_observations
 from solver.learning.learn import LearnedBeam
 from solver.set_up import set_up
 from tests.command_line import CommandLine
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 
 
@@ -268,7 +269,7 @@ def test_a_check_says_how_good_the_calibration_is(command: CommandLine, root: Pa
     found = json.loads(ended.out)
     assert 0 < found["reprojection_px"] < 0.1
     assert found["viewpoint_known"] is True
-    assert abs(found["height_mm"] - 360) < 4 * found["height_sigma_mm"]
+    assert abs(found["height_mm"] - 360) < MOST_SIGMAS * found["height_sigma_mm"]
     assert 0 < found["height_sigma_mm"] < 2
     assert 0 < found["focal_sigma"] < 0.01 * found["focal"]
     assert (found["beam"], found["bow_mm"]) == ("bright", 0)
@@ -465,7 +466,7 @@ def test_a_hung_weight_gives_ei(
         for line in ended.out.splitlines()
         if line.strip().startswith('"flexural_rigidity')
     )
-    assert abs(value - 1.06e6 * nominal) < 4 * sigma
+    assert abs(value - 1.06e6 * nominal) < MOST_SIGMAS * sigma
     assert sigma < 0.006 * value
     assert 5 < float(ended.out.split("(")[1].split("%), ")[1].split(" %")[0]) < 7
     assert "hangs at 300 mm" in command.refused(*words, "--at-mm", "300")

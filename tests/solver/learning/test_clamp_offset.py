@@ -20,6 +20,7 @@ from solver.learning.learn import LearnedBeam, learn_beam
 from solver.learning.page import summary
 from solver.methods.exact_fit import exact_fit
 from solver.methods.push_fit import push_fit
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, columns, rig
 from tests.solver.methods.pushes import beam_stiffness, mirrored
@@ -203,7 +204,7 @@ def test_a_push_turns_about_the_axis(side: int) -> None:
     position = np.array(OFFSET) * [1, side]
     known = push_fit(about(ClampOffset(position)))
     compliance, sigma = known.values["compliance_m_per_n"], known.sigma("compliance_m_per_n")
-    assert abs(compliance) < 3.5 * sigma
+    assert abs(compliance) < MOST_SIGMAS * sigma
     assert known.values["onset_angle_rad"] == pytest.approx(side * ONSET, abs=1e-3)
     uncertain = push_fit(about(ClampOffset(position, np.eye(2) * 1e-6)))
     assert uncertain.sigma("compliance_m_per_n") > 3 * sigma

@@ -11,6 +11,7 @@ from solver.learning.comparison import Trial, simplest
 from solver.learning.learn import learn_beam
 from solver.learning.page import page, summary, widths_of
 from solver.methods.exact_fit import exact_fit
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, rig
 from tests.tapered import bent, measured
@@ -46,7 +47,7 @@ def test_a_cone_is_learned_from_unknown_contacts() -> None:
     assert not learned.chosen.stated  # it is thinner than the rig allows
     width, sigma = widths_of(learned.shape)
     assert sigma[-1] < 0.01
-    assert abs(width[-1] - 0.9) < 4 * sigma[-1]
+    assert abs(width[-1] - 0.9) < MOST_SIGMAS * sigma[-1]
     assert learned.misfit == pytest.approx(1, abs=0.1)
     assert "width at the tip" in summary(learned, rig(), rig())
     assert page(learned, rig(), rig()).count("<svg") == 2
@@ -59,7 +60,9 @@ def test_a_beam_that_was_learned_is_estimated_more_accurately(random: np.random.
     before, after = (exact_fit(measured(beam, shape, random)) for shape in (stated, learned.shape))
     assert after.sigma("x_c_m") < 0.6 * before.sigma("x_c_m")
     for estimate in (before, after):
-        assert abs(estimate.values["x_c_m"] - beam.points[0, 0]) < 3.5 * estimate.sigma("x_c_m")
+        assert abs(estimate.values["x_c_m"] - beam.points[0, 0]) < MOST_SIGMAS * estimate.sigma(
+            "x_c_m"
+        )
 
 
 def test_what_the_pushes_do_not_determine_keeps_its_prior() -> None:

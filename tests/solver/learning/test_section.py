@@ -14,6 +14,7 @@ from solver.learning.learn import LearnedBeam, learn_beam
 from solver.learning.page import summary
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, measurement, rig
 from tests.simulated_space import ABOVE_MIDDLE, PIXEL, view
@@ -83,7 +84,7 @@ def test_one_known_force_gives_all_others(random: np.random.Generator) -> None:
             frame = measured(place, by, random)
             estimate = exact_fit(replace(frame, rig=known))
             error = estimate.values["force_n"] - force(place, by)
-            assert abs(error) < 3.5 * estimate.sigma("force_n")
+            assert abs(error) < MOST_SIGMAS * estimate.sigma("force_n")
             errors.append(error / force(place, by))
             stated = exact_fit(frame)
             before.append(stated.values["force_n"] / force(place, by) - 1)
@@ -127,4 +128,4 @@ def test_an_unknown_plane_is_estimated_as_before(random: np.random.Generator) ->
     """The method in space estimates the plane of deflection, whatever was learned of its prior."""
     frame = measured(0.16, 0.2, random)
     estimate = exact_fit_3d(replace(frame, rig=learned().rig(frame.rig)))
-    assert abs(estimate.values["psi_rad"] - true_skew()) < 3.5 * estimate.sigma("psi_rad")
+    assert abs(estimate.values["psi_rad"] - true_skew()) < MOST_SIGMAS * estimate.sigma("psi_rad")

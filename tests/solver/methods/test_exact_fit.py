@@ -9,6 +9,7 @@ from solver.instrument.beam import Beam
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement, View
 from solver.methods.exact_fit import exact_fit
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, measurement, pushed_points
 
@@ -49,7 +50,7 @@ def test_a_faint_contact_is_only_an_interval(random: np.random.Generator) -> Non
     noisy = points + np.array([0, 1]) * SIGMA * random.standard_normal((len(points), 1))
     answer = exact_fit(measurement(noisy, SIGMA))
     assert answer.outcome is Outcome.WEAK_CONTACT
-    assert abs(answer.values["x_c_m"] - x_c) < 3 * answer.sigma("x_c_m")
+    assert abs(answer.values["x_c_m"] - x_c) < MOST_SIGMAS * answer.sigma("x_c_m")
 
 
 def test_a_contact_near_the_tip_is_flagged() -> None:

@@ -10,7 +10,7 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
-from tests.consistency import nees
+from tests.consistency import MOST_SIGMAS, nees
 from tests.draws import generator
 from tests.simulated import BEAM
 from tests.simulated_space import (
@@ -160,7 +160,7 @@ def test_outliers_do_not_turn_the_plane(random: np.random.Generator) -> None:
     points[off, 1] += random.uniform(-5e-3, 5e-3, int(off.sum()))
     answer = exact_fit_3d(measured(replace(clean, points=points)))
     assert answer.outcome is Outcome.CONTACT
-    assert abs(answer.values["psi_rad"] - plane_of(state)) < 6 * answer.sigma("psi_rad")
+    assert abs(answer.values["psi_rad"] - plane_of(state)) < MOST_SIGMAS * answer.sigma("psi_rad")
 
 
 def test_a_flat_strip_is_fitted_in_its_own_plane(random: np.random.Generator) -> None:
@@ -170,7 +170,7 @@ def test_a_flat_strip_is_fitted_in_its_own_plane(random: np.random.Generator) ->
     answer = exact_fit(strip)
     assert answer.values["psi_rad"] == pytest.approx(plane_of(state))
     force = float(np.linalg.norm(state.contact.force))
-    assert abs(answer.values["force_n"] - force) < 6 * answer.sigma("force_n")
+    assert abs(answer.values["force_n"] - force) < MOST_SIGMAS * answer.sigma("force_n")
     assert answer.sigma("force_n") < 0.01 * force
 
 

@@ -19,7 +19,7 @@ from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.push_fit import push_fit, push_fit_friction
-from tests.consistency import nees
+from tests.consistency import MOST_SIGMAS, nees
 from tests.draws import generator
 from tests.oracle import oracle
 from tests.simulated import BEAM
@@ -240,7 +240,9 @@ def test_a_push_places_the_contact_better_than_its_last_frame(random: np.random.
     measurement, state = measured_push(still(0.12, 0.0), random)
     together, alone = push_fit(measurement), exact_fit(measurement)
     assert together.sigma("x_c_m") < 0.8 * alone.sigma("x_c_m")
-    assert abs(together.values["x_c_m"] - state.contact.point[0]) < 6 * together.sigma("x_c_m")
+    assert abs(together.values["x_c_m"] - state.contact.point[0]) < MOST_SIGMAS * together.sigma(
+        "x_c_m"
+    )
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -324,7 +326,9 @@ def test_outliers_do_not_move_the_object(random: np.random.Generator) -> None:
     frames = [spoilt(frame) for frame in (*measurement.earlier, measurement)]
     answer = push_fit(replace(frames[-1], earlier=tuple(frames[:-1])))
     assert answer.outcome is Outcome.CONTACT
-    assert abs(answer.values["compliance_m_per_n"] - 0.05) < 6 * answer.sigma("compliance_m_per_n")
+    assert abs(answer.values["compliance_m_per_n"] - 0.05) < MOST_SIGMAS * answer.sigma(
+        "compliance_m_per_n"
+    )
     assert answer.sigma("compliance_m_per_n") < 1.3 * push_fit(measurement).sigma(
         "compliance_m_per_n"
     )
