@@ -47,10 +47,15 @@ def test_a_straight_beam_is_no_contact(random: np.random.Generator) -> None:
 
 def test_a_faint_contact_is_only_an_interval(random: np.random.Generator) -> None:
     points, x_c, _ = pushed_points(0.12, 0.0002)
-    noisy = points + np.array([0, 1]) * SIGMA * random.standard_normal((len(points), 1))
-    answer = exact_fit(measurement(noisy, SIGMA))
-    assert answer.outcome is Outcome.WEAK_CONTACT
-    assert abs(answer.values["x_c_m"] - x_c) < MOST_SIGMAS * answer.sigma("x_c_m")
+    answers = []
+    for _ in range(20):
+        noise = SIGMA * random.standard_normal((len(points), 1))
+        answers.append(exact_fit(measurement(points + np.array([0, 1]) * noise, SIGMA)))
+    weak = [answer for answer in answers if answer.outcome is Outcome.WEAK_CONTACT]
+    assert len(weak) >= 8  # 17.5 +- 1.5; where noise bends it otherwise, there is no value
+    assert not any(answer.values for answer in answers if answer not in weak)
+    for answer in weak:
+        assert abs(answer.values["x_c_m"] - x_c) < MOST_SIGMAS * answer.sigma("x_c_m")
 
 
 def test_a_contact_near_the_tip_is_flagged() -> None:
