@@ -71,7 +71,7 @@ def test_a_push_of_a_cone_is_what_the_world_measures(friction: float) -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 def test_its_sigmas_are_honest(friction: float, random: np.random.Generator) -> None:
-    squares = []
+    in_sigmas = []
     shape = stated_shape(0.05, 0.0, 0.0, 0.3)
     for _ in range(30):
         measurement, state = measured_push(
@@ -85,9 +85,10 @@ def test_its_sigmas_are_honest(friction: float, random: np.random.Generator) -> 
             "force_n": float(np.linalg.norm(state.contact.force)),
             "compliance_m_per_n": 0.0,
         }
-        squares.append([pull**2 for pull in pulls(estimate, truth).values()])
-    # Mean of 30 squares, above 3 once in 10 million runs; the prior of friction is the same in all.
-    assert (np.mean(squares, axis=0) < 3).all()
+        in_sigmas.append(list(pulls(estimate, truth).values()))
+    # Of 120 pushes the mean square is 0.8 to 1.4; one in some hundreds is far out.
+    assert (np.mean(np.square(np.clip(in_sigmas, -4, 4)), axis=0) < 3).all()
+    assert np.count_nonzero(np.abs(in_sigmas) > 4) <= 3
 
 
 @pytest.mark.parametrize(("rigid", "first"), [(True, -1.0), (False, 0.0)])
