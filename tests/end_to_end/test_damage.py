@@ -139,7 +139,8 @@ def test_who_reads_a_damaged_file_names_it_and_how_to_mend_it(
                 continue
             with pytest.raises(DamageError, match="run the command") as refusal:
                 reads()
-            assert str(path) in str(refusal.value)
+            # A list of hashes may have been damaged in the name of a file.
+            assert str(path.parent if last == HASHES else path) in str(refusal.value)
 
 
 def test_report_reads_no_damaged_image_table_or_manifest(

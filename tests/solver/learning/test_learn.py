@@ -105,7 +105,7 @@ def test_a_clamp_that_gives_is_learned() -> None:
     assert sigma < 1e-3
 
 
-def test_of_rigid_objects_friction_is_learned(random: np.random.Generator) -> None:
+def test_of_rigid_objects_friction_is_learned() -> None:
     stated = stated_shape(0.0, 0.0, 0.0, 0.3, rigid_objects=True)
     learned = learn_beam(pushes(0.0, stated, friction=0.5))
     coefficient, sigma = learned.shape.friction
@@ -113,10 +113,17 @@ def test_of_rigid_objects_friction_is_learned(random: np.random.Generator) -> No
     assert sigma < stated.friction.sigma
     assert f"objects like these: {coefficient:.2f} +- {sigma:.2f}" in summary(learned, rig(), rig())
     beam = bent(0.0, 0.7, 0.6, 0.5)
-    before, after = (exact_fit(measured(beam, shape, random)) for shape in (stated, learned.shape))
-    errors = [abs(one.values["x_c_m"] - beam.points[0, 0]) for one in (before, after)]
-    assert errors[1] < errors[0]
-    assert after.sigma("x_c_m") < before.sigma("x_c_m")
+    shifts = []
+    for number in range(8):
+        # The same noise: it is larger than what the friction moves.
+        before, after = (
+            exact_fit(measured(beam, shape, generator(__name__, number)))
+            for shape in (stated, learned.shape)
+        )
+        assert after.sigma("x_c_m") < before.sigma("x_c_m")
+        shifts.append(after.values["x_c_m"] - before.values["x_c_m"])
+    # Before, it was 0.03 mm too near.
+    assert 1e-5 < np.mean(shifts) < 7e-5
 
 
 def test_friction_of_objects_that_may_yield_is_not_learned() -> None:

@@ -57,9 +57,7 @@ def test_the_limit_line_is_the_median_error_of_an_efficient_method(
     table: pl.DataFrame, methods: dict[str, MethodStatistics]
 ) -> None:
     lines = speed_chart.limit_lines(table)
-    assert lines["planar"] == pytest.approx(
-        methods["exact_fit"].median, rel=0.12
-    )  # 4,000 frames: 2 %
+    assert lines["planar"] == pytest.approx(methods["exact_fit"].median, rel=0.12)
 
 
 def test_strata_divide_the_frames(table: pl.DataFrame) -> None:
