@@ -161,6 +161,7 @@ def test_a_shift_moves_the_beam_and_keeps_the_noise() -> None:
     assert left.std() == pytest.approx(noise.std(), rel=0.08)
 
 
+@pytest.mark.false_alarm(1e-5, "seven uniform shifts: all within a quarter of the largest")
 def test_stabilisation_shifts_every_image_by_itself() -> None:
     before = recorded()
     after = run(geometry.stabilised(1.5), before)
@@ -168,8 +169,9 @@ def test_stabilisation_shifts_every_image_by_itself() -> None:
         float(np.median((rows_of_line(new) - rows_of_line(old))[30:-30]))
         for old, new in zip(before.rests + before.frames, after.rests + after.frames, strict=True)
     ]
-    assert len(set(np.round(shifts, 2))) == len(shifts)
-    assert 0.5 < max(map(abs, shifts)) < 1.6
+    assert len(shifts) == 7
+    assert np.std(shifts) > 0.1
+    assert 0.25 < max(map(abs, shifts)) < 1.6
 
 
 def test_bent_rest_images_show_the_bend_of_a_force_at_the_tip() -> None:
