@@ -7,6 +7,7 @@ from scipy.optimize import OptimizeResult, brentq, least_squares
 
 from solver.beam_models.linear import unit_deflection
 from solver.instrument.arrays import Floats
+from tests.consistency import MOST_SIGMAS
 from tests.simulated import BEAM, columns, pushed_points
 from vbaa_bench.mechanics import linear, planar
 
@@ -59,5 +60,5 @@ def test_with_noise_it_is_unbiased_still(x_c: float, random: np.random.Generator
         noise = np.column_stack([np.zeros(len(points)), random.normal(0.0, sigma, len(points))])
         found.append(float(fitted(points + noise, x_c).x[0]) - x_c)
     error = np.std(found) / np.sqrt(len(found))
-    assert abs(np.mean(found)) < 3 * error
+    assert abs(np.mean(found)) < MOST_SIGMAS * error
     assert error < 2e-4 * BEAM.length  # where the exact beam's bias is a hundred times that

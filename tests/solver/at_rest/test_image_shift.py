@@ -6,6 +6,7 @@ import pytest
 from solver.at_rest.image_shift import image_shift
 from solver.at_rest.landmarks import Shift
 from solver.at_rest.thresholds import LIMITS
+from tests.consistency import MOST_SIGMAS
 
 
 def test_without_landmarks_the_prior_remains() -> None:
@@ -35,4 +36,4 @@ def test_drawn_shifts_are_as_far_off_as_stated(random: np.random.Generator) -> N
         measured = Shift(seen[0], seen[1], error[0, 0], error[0, 1], error[1, 1])
         shift, covariance = image_shift(measured, prior)
         squares.append((shift - true) @ np.linalg.solve(covariance, shift - true))
-    assert np.mean(squares) == pytest.approx(2.0, abs=3 * 2 / np.sqrt(400))
+    assert np.mean(squares) == pytest.approx(2.0, abs=MOST_SIGMAS * 2 / np.sqrt(400))

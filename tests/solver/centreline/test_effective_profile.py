@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from solver.centreline import Centreline
 from solver.centreline.effective_profile import effective_profile, read_columns
 from solver.centreline.extractor import BeamExtractor, learn_beam
 from solver.centreline.noise import Noise
@@ -81,15 +82,23 @@ def test_the_scale_of_the_gray_values_does_not_matter() -> None:
 
 @pytest.mark.parametrize("theta", [0.05, 0.15, 0.3])
 def test_a_bent_steel_beam_is_measured_to_a_fortieth_of_a_pixel(theta: float) -> None:
-    (image,), pixels = images(theta, 50, 1)
-    line = learned()(image)
+    several, pixels = images(theta, 50, 4)
+    spread = []
+    for image in several:
+        line = learned()(image)
+        spread.append(_spread(line, pixels))
+    assert np.mean(spread) < 0.025
+
+
+def _spread(line: Centreline, pixels: Floats) -> float:
+    """Check a measured line, and return the standard deviation of its errors [px]."""
     # Noise decides which columns are flagged: 0.83 +- 0.05 are kept at the largest bend.
     assert len(line.points) > 0.5 * np.ptp(pixels[pixels[:, 1] > 0, 0])
     order = np.argsort(pixels[:, 0])
     error = line.points[:, 1] - np.interp(line.points[:, 0], *pixels[order].T)
     # The axis is that of the whole beam, not of its highlight 0.2 px beside it.
     assert abs(error.mean()) < 0.15
-    assert (error - error.mean()).std() < 0.025
+    return float((error - error.mean()).std())
 
 
 def test_the_course_is_that_of_the_beam() -> None:
@@ -117,7 +126,7 @@ def test_a_section_is_sampled_as_it_is() -> None:
     half = table.value.shape[2] // 2
     offset = (np.arange(HEIGHT)[:, None] - centre) * 64 + half
     light += 0.5 * np.interp(offset, np.arange(2 * half + 1), table.value[0, 0])
-    rest = [SENSOR(light, generator(__name__, k)) for k in range(4)]
+    rest = [SENSOR(light, generator(__name__, k)) for k in range(16)]
     path = np.column_stack([columns, centre]).astype(np.float64)
     read = read_columns(rest, stations(path, light.shape), 6, Noise(1.0, 0.03), 255)
     effective = effective_profile(read, 4.0, 1)

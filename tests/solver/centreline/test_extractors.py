@@ -71,12 +71,12 @@ def test_the_shading_moves_each_centreline_as_it_states(
     name: str, look: str, random: np.random.Generator
 ) -> None:
     """A dark beam before a bright ground moves to the other side than its own brightness."""
-    rests = [Sensor()(tilted_light(0.0, look), random) for _ in range(2)]
+    rests = [Sensor()(tilted_light(0.0, look), random) for _ in range(6)]
     extract = EXTRACTORS[name](rests, guide())
     pixels, sides = guide().pixels(INCLINED), []
     for tangent in (-0.5, 0.5):
         light = tilted_light(tangent, look)
-        lines = [extract(Sensor()(light, random)) for _ in range(4)]
+        lines = [extract(Sensor()(light, random)) for _ in range(12)]
         sides.append(np.mean([distances(line.points, pixels).mean() for line in lines]))
     moved = (sides[1] - sides[0]) / 2
     expected = extract.shading * SHADING * 0.5 * LOOKS[look].radius_px

@@ -36,7 +36,7 @@ def test_outliers_do_not_pull_the_curve() -> None:
 def test_the_local_scatter_is_that_of_the_noise(
     disturbance: str, random: np.random.Generator
 ) -> None:
-    n = 2000
+    n = 20_000
     values = 0.3 * random.standard_normal(n)
     if disturbance == "slow":
         values += 2.0 * np.sin(np.arange(n) * 2 * np.pi / 500)

@@ -96,7 +96,7 @@ def test_the_offset_is_learned_and_corrects_contacts_in_the_world() -> None:
     assert beam.offset.used
     sigmas = np.sqrt(np.diag(beam.offset.offset.covariance))
     assert (sigmas < [3e-4, 1e-3]).all()
-    assert (np.abs(beam.offset.offset.position - OFFSET) < 3.5 * sigmas).all()
+    assert (np.abs(beam.offset.offset.position - OFFSET) < MOST_SIGMAS * sigmas).all()
     assert "clamp's offset from the motor's axis: x 1" in summary(beam, rig(), rig())
     other = pushes(seed=5)[1][-1]
     _, truth = states(PLACES[1], RADIUS, OFFSET)[-1]
@@ -110,7 +110,7 @@ def test_the_offset_is_learned_and_corrects_contacts_in_the_world() -> None:
     (before, _), (after, in_sigmas) = errors
     assert before > 8e-4
     assert after < 1.5e-4
-    assert in_sigmas < 3.5
+    assert in_sigmas < MOST_SIGMAS
 
 
 def test_sigmas_of_the_offset_are_those_of_its_errors() -> None:

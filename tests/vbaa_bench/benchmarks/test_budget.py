@@ -58,9 +58,9 @@ def test_noise_and_systematic_error_of_the_points_are_separated(
     by_stage[0] = 1 + 2 * random.standard_normal(4000)
     by_noise = 2 * random.standard_normal((4, 4000))
     shares = shares_of(Errors(by_stage, by_noise, by_stage[0]), CAUSES, np.arange(4000) // 10)
-    assert shares[NOISE].rmse == pytest.approx(2, rel=0.05)
-    assert shares[SYSTEMATIC].rmse == pytest.approx(1, rel=0.15)
-    assert shares[SYSTEMATIC].bias == pytest.approx(1, abs=0.1)
+    assert shares[NOISE].rmse == pytest.approx(2, rel=0.11)
+    assert shares[SYSTEMATIC].rmse == pytest.approx(1, rel=0.35)
+    assert shares[SYSTEMATIC].bias == pytest.approx(1, abs=0.18)
     assert shares[REMAINDER].rmse == 0
 
 
@@ -86,7 +86,7 @@ def test_simulated_noise_has_the_stated_sigmas(random: np.random.Generator) -> N
     )
     shift = noisy(line, random).points
     assert shift @ [0.8, -0.6] == pytest.approx(0)
-    assert np.std(shift @ [0.6, 0.8] / line.sigma) == pytest.approx(1, rel=0.02)
+    assert np.std(shift @ [0.6, 0.8] / line.sigma) == pytest.approx(1, rel=0.03)
 
 
 @dataclass(frozen=True)

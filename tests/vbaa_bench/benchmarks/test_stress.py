@@ -183,7 +183,7 @@ def test_bent_rest_images_show_the_bend_of_a_force_at_the_tip() -> None:
         assert np.abs(rows_of_line(image) - expected)[20:-20].max() < 0.15  # its noise: 0.04
     assert np.array_equal(touched.rests[0], before.rests[0])
     bend = rows_of_line(before.rests[0]) - rows_of_line(after.rests[0])
-    assert bend[215] == pytest.approx(0.9 * 0.5e-3 * 330 / 0.36, rel=0.2)
+    assert bend[205:226].mean() == pytest.approx(0.9 * 0.5e-3 * 330 / 0.36, rel=0.2)
     assert abs(bend[10:60]).max() < 0.1
 
 

@@ -10,6 +10,7 @@ import pytest
 from solver.instrument.transforms import apply, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from tests.conftest import SMALL_SCENE
+from tests.consistency import MOST_SIGMAS
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.benchmarks.outline.true_outline import TrueOutline, evenly
 from vbaa_bench.generation.columns import TRUTH
@@ -73,8 +74,8 @@ def test_readings_of_a_carriage_are_those_of_its_push_with_noise(tmp_path: Path)
         noise = [read[f"carriage_{name}"] - truth[f"true_carriage_{name}"] for name in names]
         errors.append((read["push_id"], noise))
         assert (read["carriage_sigma_mm"], read["carriage_turn_sigma_deg"]) == (0.005, 0.002)
-        assert 0 < np.abs(noise[:2]).max() < 5 * 0.005
-        assert abs(noise[2]) < 5 * 0.002
+        assert 0 < np.abs(noise[:2]).max() < MOST_SIGMAS * 0.005
+        assert abs(noise[2]) < MOST_SIGMAS * 0.002
         # The frame of a cylinder begins where it is touched first, on its side.
         touched = np.array(truth["touched_table_mm"][:2])
         assert np.linalg.norm(touched - [0, -6]) == pytest.approx(6)

@@ -59,7 +59,7 @@ def test_moment_and_force_sensors_read_what_the_clamp_bears(tmp_path: Path) -> N
         moments.append(float(values["moment_y_n_mm"]) - 1e3 * m_y)
         forces.append([float(values[f"base_force_{a}_n"]) for a in "xyz"] + contact.force)
         assert float(values["base_moment_y_n_mm"]) == pytest.approx(-1e3 * m_y, abs=0.06)
-    assert np.std(moments) == pytest.approx(0.01, rel=0.4)
+    assert np.std(moments) == pytest.approx(0.01, rel=0.6)
     assert np.std(forces) == pytest.approx(1e-4, rel=0.3)
 
 

@@ -35,7 +35,7 @@ def straight(shape: Tip) -> tuple[Floats, Floats, float]:
 )
 def test_a_tip_ends_where_the_beam_ends(shape: Tip, missing: float) -> None:
     vertices, arc_length, volume = straight(shape)
-    assert vertices[:, 0].max() == pytest.approx(LENGTH, abs=0.005 * RADIUS)
+    assert vertices[:, 0].max() == pytest.approx(LENGTH, abs=0.01 * RADIUS)
     # On a straight beam arc length is x.
     assert arc_length == pytest.approx(vertices[:, 0], abs=1e-12)
     polygon = FACETS / 2 * np.sin(2 * np.pi / FACETS)

@@ -84,7 +84,7 @@ def test_it_is_what_rays_to_the_lamp_meet(lamp: trimesh.Trimesh, rise: float) ->
         inside = np.asarray((across >= lower) & (across <= lower + length))
         # The strip is a little wider than the polygon that the rays meet, and has square ends.
         hidden += meets.mean(), inside.mean()
-        assert (meets & ~inside).mean() <= 0.015 * meets.mean() + 3 / SAMPLES
+        assert (meets & ~inside).mean() <= 0.015 * meets.mean() + 20 / SAMPLES
         assert (inside & ~meets).mean() < 0.03 * inside.mean() + 10 / SAMPLES
     assert hidden[0] > 0.01
 
@@ -110,7 +110,7 @@ def test_the_mean_does_not_depend_on_the_strip(shift: float) -> None:
     one, other = sums
     error = np.hypot(one.std(ddof=1), other.std(ddof=1)) / np.sqrt(len(one))
     assert abs(one.mean() - other.mean()) < 4.5 * error
-    assert error < 0.04 * abs(one.mean())
+    assert error < 0.05 * abs(one.mean())
 
 
 def test_shadows_have_less_noise() -> None:

@@ -86,7 +86,7 @@ def measured(scene: Scene, at: Floats, facing: Floats, unit: float = 0.4e-3) -> 
 def test_a_sheet_at_the_aim_gets_the_stated_irradiance(kind: str) -> None:
     scene = scene_under({"kind": kind, "irradiance": 3.0})
     got = measured(scene, AIM, np.array(FROM[kind]))
-    assert got == pytest.approx(3.0, rel=0.01)
+    assert got == pytest.approx(3.0, rel=0.02)
 
 
 @pytest.mark.parametrize("kind", [None, "side", "environment"])
@@ -98,7 +98,7 @@ def test_ambient_light_adds_its_irradiance(kind: str | None) -> None:
     lamp, both = measured(alone, place, up), measured(scene, place, up)
     # Relative to the soft lamp, or in the unit of the irradiances of lamps.
     expected = 1.5 * lamp if kind is None else lamp + 0.5
-    assert both == pytest.approx(expected, rel=0.01)
+    assert both == pytest.approx(expected, rel=0.02)
     # It reaches the underside as well, where no lamp hides a part of it.
     below = measured(scene, place, -up) - measured(alone, place, -up)
     # Each of the four is known to some thousandths, of which the sum is 2 % of it.

@@ -94,7 +94,7 @@ def test_a_grown_texture_has_the_stated_mean_contrast_and_correlation(
     for axis in (0, 1):
         for texels, expected in ((8, np.exp(-1)), (16, np.exp(-2))):
             got = (field * np.roll(field, texels, axis=axis)).mean()
-            assert got == pytest.approx(expected, abs=0.04)
+            assert got == pytest.approx(expected, abs=0.055)
 
 
 def test_a_texture_is_its_generators_and_repeats_without_a_seam() -> None:
@@ -106,7 +106,7 @@ def test_a_texture_is_its_generators_and_repeats_without_a_seam() -> None:
     assert (made(1) == image).all()
     assert (made(2) != image).any()
     step = np.abs(np.diff(image, axis=1)).mean()
-    assert np.abs(image[:, 0] - image[:, -1]).mean() == pytest.approx(step, rel=0.3)
+    assert np.abs(image[:, 0] - image[:, -1]).mean() == pytest.approx(step, rel=0.5)
     texture = random_texture(
         np.array([[0.1, 0.0]]), 0.2, 0.3, (2e-3, 2e-3), 0.1, generator(__name__, 1)
     )

@@ -9,6 +9,7 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply, invert, rigid
+from tests.consistency import MOST_SIGMAS
 from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE, PIXEL
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
@@ -88,7 +89,7 @@ def test_the_mean_does_not_depend_on_the_edges(board: World, shift_px: float) ->
         sums.append(np.sum(images, axis=1))
     board.printed = right
     error = np.hypot(*(one.std(ddof=1) for one in sums)) / np.sqrt(12)
-    assert abs(sums[0].mean() - sums[1].mean()) < 4.5 * error
+    assert abs(sums[0].mean() - sums[1].mean()) < MOST_SIGMAS * error
     assert error < 3e-3 * sums[0].mean()
 
 

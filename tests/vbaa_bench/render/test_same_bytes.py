@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator, scene_seed
 from vbaa_bench.dataset.target import FAST, NATIVE, target
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
@@ -79,9 +80,11 @@ def test_neighbours_and_seeds_have_independent_numbers(small_scene: Path, varian
     images = [trace(world, pixels, size, scene_seed(seed), "still").radiance for seed in range(64)]
     z = np.reshape(images, (64, 16, 64))
     z = (z - z.mean(axis=0)) / z.std(axis=0)
-    # Under independence, the mean of n products has the standard deviation n^-1/2.
-    for one, other in ((z[:, 1:], z[:, :-1]), (z[:, :, 1:], z[:, :, :-1]), (z[1:], z[:-1])):
-        assert abs((one * other).mean()) * np.sqrt(one.size) < 6
+    # Under independence, the mean of n products has the standard deviation n^-1/2. Of seeds, whose
+    # mean was subtracted, it is -1 / 63.
+    pairs = ((z[:, 1:], z[:, :-1], 0), (z[:, :, 1:], z[:, :, :-1], 0), (z[1:], z[:-1], -1 / 63))
+    for one, other, expected in pairs:
+        assert abs((one * other).mean() - expected) * np.sqrt(one.size) < MOST_SIGMAS
 
 
 def test_the_width_of_vectors_changes_few_pixels(
@@ -101,8 +104,9 @@ def test_the_width_of_vectors_changes_few_pixels(
     # 11 of a million on average (results/same_bytes); by chance, 90 of 90,000 never.
     assert np.mean(images[0][8] != images[1][8]) < 1e-3
     noise = sensor.noise_sigma(radiances[0].radiance) / float(sensor.largest_radiance) * 65_535
-    difference = images[0][16] - images[1][16]
-    assert np.sqrt(np.mean(difference**2)) < 0.01 * np.sqrt(np.mean(noise**2))
+    # A ray that meets another surface at another width changes its pixel alone.
+    squares = np.sort((images[0][16] - images[1][16]).ravel() ** 2)[: -noise.size // 10_000]
+    assert np.sqrt(np.mean(squares)) < 0.01 * np.sqrt(np.mean(noise**2))
 
 
 def exposed(sensor: Sensor, bits: int, rendered: RenderedRadiance) -> Floats:

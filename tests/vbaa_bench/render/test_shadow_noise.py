@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats, Mask
+from tests.consistency import MOST_SIGMAS
 from tests.draws import scene_seed, seeded
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
@@ -94,6 +95,6 @@ def test_the_mean_stays(seen: dict[str, Seen]) -> None:
     pixels = [seen[name].images[:, shaded] for name in ("usual", "even")]
     usual, even = (values.mean(axis=1) for values in pixels)
     error = np.hypot(usual.std(ddof=1), even.std(ddof=1)) / np.sqrt(IMAGES)
-    assert abs(usual.mean() - even.mean()) < 4 * error
+    assert abs(usual.mean() - even.mean()) < MOST_SIGMAS * error
     # Sharp enough to notice a bias far below the usual noise of one pixel.
     assert error < 0.1 * pixels[0].std(axis=0).mean()

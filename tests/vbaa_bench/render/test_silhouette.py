@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.consistency import MOST_SIGMAS
 from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, beam, world_before
 from vbaa_bench.render.silhouette import Silhouette
@@ -80,7 +81,7 @@ def test_the_mean_does_not_depend_on_the_silhouette(world: World, shift_px: floa
             np.array([getattr(image, quantity).sum() for image in series]) for series in images
         )
         error = np.hypot(one.std(ddof=1), other.std(ddof=1)) / np.sqrt(len(one))
-        assert abs(one.mean() - other.mean()) < 4.5 * error
+        assert abs(one.mean() - other.mean()) < MOST_SIGMAS * error
         assert error < 2e-3 * one.mean()
 
 

@@ -7,6 +7,7 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
+from tests.consistency import MOST_SIGMAS
 from tests.draws import scene_seed
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
@@ -109,7 +110,9 @@ def test_no_column_is_noisier_than_wanted_nor_biased(
     # show up to 2 times. An unsampled column has 10 to 50 times.
     assert max(worst) < 4.0
     # In total light, over all beams: chance leaves 0.01 % each.
-    assert abs(np.mean(biases)) < max(4 * np.sqrt(np.mean(np.square(chances)) / len(biases)), 1e-4)
+    assert abs(np.mean(biases)) < max(
+        MOST_SIGMAS * np.sqrt(np.mean(np.square(chances)) / len(biases)), 1e-4
+    )
 
 
 @pytest.mark.parametrize("k1", [0.0, -0.3, 0.3])

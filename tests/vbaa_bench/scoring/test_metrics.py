@@ -102,9 +102,9 @@ def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it(
     stated = found["calibration"]
     # The mean square of 2000 Gaussian numbers has a standard error of 0.03.
     for consistent in ("contact_antenna_x", "contact_antenna_z", "force_y"):
-        assert stated[consistent]["nees"] == pytest.approx(1, abs=0.13)
-        assert stated[consistent]["coverage_95"] == pytest.approx(0.95, abs=0.02)
-    assert stated["contact_antenna_y"]["nees"] == pytest.approx(16, rel=0.13)
+        assert stated[consistent]["nees"] == pytest.approx(1, abs=0.2)
+        assert stated[consistent]["coverage_95"] == pytest.approx(0.95, abs=0.03)
+    assert stated["contact_antenna_y"]["nees"] == pytest.approx(16, rel=0.2)
     assert stated["contact_antenna_y"]["coverage_95"] < 0.5
     assert stated["force_x"] is None  # nobody states it
     assert found["contact_antenna_rmse_mm"] == pytest.approx(0.2 * np.sqrt(3), rel=0.05)
@@ -147,12 +147,12 @@ def test_stated_sigmas_are_held_against_errors(random: np.random.Generator) -> N
         return calibration
 
     consistent, bold = found(0.3), found(0.15)
-    # The share's own standard error is 0.0035.
-    assert consistent["coverage_95"] == pytest.approx(0.95, abs=0.012)
-    assert consistent["within_3_sigma"] == pytest.approx(0.9973, abs=0.003)
-    assert consistent["nees"] == pytest.approx(1, abs=0.07)
-    assert consistent["sigma_over_rmse"] == pytest.approx(1, abs=0.04)
-    assert bold["coverage_95"] == pytest.approx(0.673, abs=0.025)
+    # 5.5 standard errors: of the shares 0.0034, 0.0008 and 0.0074, of the others 0.022 and 0.011.
+    assert consistent["coverage_95"] == pytest.approx(0.95, abs=0.019)
+    assert consistent["within_3_sigma"] == pytest.approx(0.9973, abs=0.0045)
+    assert consistent["nees"] == pytest.approx(1, abs=0.123)
+    assert consistent["sigma_over_rmse"] == pytest.approx(1, abs=0.062)
+    assert bold["coverage_95"] == pytest.approx(0.673, abs=0.041)
     assert bold["nees"] == pytest.approx(4 * consistent["nees"])
     assert bold["sigma_over_rmse"] == pytest.approx(consistent["sigma_over_rmse"] / 2)
 
