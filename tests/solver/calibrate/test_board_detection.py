@@ -22,7 +22,7 @@ BOARDS: dict[str, Board] = {
     "lines": LineNetwork(10, 8, SQUARE, 0.0013),
 }
 # Of noise and of the pixel grid, over all points of a view; lines are averaged along.
-RMS_PX = {"chessboard": 0.03, "charuco": 0.03, "lines": 0.02}
+RMS_PX = {"chessboard": 0.036, "charuco": 0.036, "lines": 0.024}
 # Subpixels and their lattice, where a point may be some hundredths of a pixel off.
 COARSE = (21, 13)
 MIDDLE = rigid(np.zeros(3), np.array([0.12, 0.018, 0.0]))
