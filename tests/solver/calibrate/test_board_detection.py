@@ -53,7 +53,7 @@ def test_points_lie_where_they_are_drawn(name: str, number: int) -> None:
     error = errors(name, camera(), pose, samples=(55, 34))
     assert np.sqrt((error**2).sum(axis=1).mean()) < RMS_PX[name]
     # The light falls off by a fifth across the view.
-    assert np.abs(error.mean(axis=0)).max() < 0.012
+    assert np.abs(error.mean(axis=0)).max() < 0.018
 
 
 @pytest.mark.parametrize("name", BOARDS)

@@ -91,11 +91,11 @@ def test_what_pushes_do_not_distinguish_keeps_its_prior() -> None:
     # What would remain of either if only their difference were known.
     prior = 1 / np.hypot(1 / 0.002, BEAM.length / 1e-3)
     for parameter in (CLAMP_SHIFT, SOFTNESS):
-        assert 0.3 * prior < shape.sigma(parameter) < prior
+        assert 0.2 * prior < shape.sigma(parameter) < prior * (1 + 1e-9)
     pair = shape.covariance[:2, :2]
     assert np.sqrt(np.array([1, -1]) @ pair @ [1, -1]) < 0.1 * prior
     # By linear theory the clamp that gives turns the beam as its first millimetres would.
-    assert shape.clamp_shift - shape.softness == pytest.approx(SHIFT / BEAM.length, rel=0.05)
+    assert shape.clamp_shift - shape.softness == pytest.approx(SHIFT / BEAM.length, rel=0.1)
     place, sigma = shape.clamp_shift * BEAM.length, shape.sigma(CLAMP_SHIFT) * BEAM.length
     assert abs(place - SHIFT) < MOST_SIGMAS * sigma
 

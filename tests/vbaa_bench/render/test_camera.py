@@ -96,7 +96,7 @@ def test_mitsuba_sees_what_opencv_projects() -> None:
     # Half a pixel, a mirrored axis or a wrong sign would show as 0.5 px and more; perspective
     # within a square, and the light's gradient over it, as a few thousandths.
     error = centroids(picture_of_points(camera, about=pixels), pixels) - pixels
-    assert np.abs(error).max() < 0.01
+    assert np.abs(error).max() < 0.02
 
 
 @pytest.mark.parametrize(("width", "height"), [(320, 256), (256, 320), (320, 320), (500, 240)])
@@ -108,7 +108,7 @@ def test_mitsuba_sees_what_a_telecentric_camera_projects(width: int, height: int
     # A lamp far off is nearly a point, whose light has hardly any noise.
     image = picture_of_points(camera, lamp_height=12.0, about=pixels)
     error = centroids(image, pixels) - pixels
-    assert np.abs(error).max() < 0.01
+    assert np.abs(error).max() < 0.02
 
 
 def test_a_telecentric_camera_far_off_loses_no_digits() -> None:
@@ -118,7 +118,7 @@ def test_a_telecentric_camera_far_off_loses_no_digits() -> None:
     assert pixels == pytest.approx(telecentric_camera().project(POINTS), abs=1e-9)
     image = picture_of_points(camera, lamp_height=12.0, about=pixels)
     error = centroids(image, pixels) - pixels
-    assert np.abs(error).max() < 0.01
+    assert np.abs(error).max() < 0.02
 
 
 @pytest.mark.parametrize("camera", [skewed_camera(), telecentric_camera()], ids=["pinhole", "tele"])

@@ -58,7 +58,7 @@ def test_mitsuba_sees_what_a_distorting_lens_projects(distortion: tuple[float, .
     image = even_picture(world(camera, POINTS), 1024, 1, pixels)
     error = centroids(image, pixels) - pixels
     # The middle of a square's image is not the image of its middle: up to 0.005 px here.
-    assert np.abs(error).max() < 0.015
+    assert np.abs(error).max() < 0.03
 
 
 def straight_camera() -> Camera:
