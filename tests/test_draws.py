@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 from scipy.stats import norm as normal
 
-from tests.margins import Closest, Recorder, Rewriter, clear_tests, margin, table
+from tests.margins import Closest, Recorder, Rewriter, Row, clear_tests, margin, table
 
 TESTS = Path(__file__).parent
 # Each with its reason.
@@ -145,3 +145,8 @@ def test_failures_come_first_and_derived_rates_are_not_measured() -> None:
     assert rows[1].worst is not None
     assert rows[1].worst.low == 1.0
     assert clear_tests(runs) == ["far"]
+    assert [row.falls_short for row in rows] == [True, True, False]
+    # Twenty seeds: five would show 3.6 once in a hundred cases.
+    few, many = (Row("test", "", value, rows[1].worst, (), 20) for value in (3.5, 3.7))
+    assert few.falls_short
+    assert not many.falls_short

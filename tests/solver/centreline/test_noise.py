@@ -73,6 +73,7 @@ def test_one_image_of_a_thin_bright_beam_gives_its_shot_noise() -> None:
     assert max(slopes) < 2.6 * PER_GRAY
 
 
+@pytest.mark.false_alarm(0.0, "the values are bounded, whatever is drawn")
 def test_noise_is_never_negative(random: np.random.Generator) -> None:
     """Read noise alone, and a scatter that falls with the gray value, as processing leaves it."""
     for exponent in (0.0, -1.0, 1.0):

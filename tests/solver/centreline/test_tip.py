@@ -87,6 +87,7 @@ def behind(mask: Mask, occluder: float) -> Centreline:
     return seen(light, learned())
 
 
+@pytest.mark.false_alarm(0.0, "the values are bounded, whatever is drawn")
 @pytest.mark.parametrize("occluder", [0.0, 0.2, 0.7])
 @pytest.mark.parametrize("from_tip", [-3, -20, -100])
 def test_a_hidden_tip_is_not_told(from_tip: int, occluder: float) -> None:

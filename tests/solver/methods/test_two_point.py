@@ -97,6 +97,7 @@ def test_its_covariance_is_that_of_the_noise() -> None:
     assert found.std(axis=0, ddof=1) == pytest.approx(stated, rel=0.5)  # 60 trials: +-9 % per sigma
 
 
+@pytest.mark.false_alarm(0.0, "the values are bounded, whatever is drawn")
 @given(PLACES, PLACES, PLACES, PLACES)
 def test_the_ratio_grows_strictly_from_r_to_its_square(
     x1: float, x2: float, one: float, other: float

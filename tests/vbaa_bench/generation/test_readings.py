@@ -63,6 +63,7 @@ def test_moment_and_force_sensors_read_what_the_clamp_bears(tmp_path: Path) -> N
     assert np.std(forces) == pytest.approx(1e-4, rel=0.3)
 
 
+@pytest.mark.false_alarm(0.0, "the values are bounded, whatever is drawn")
 def test_an_encoder_counts_whole_steps(tmp_path: Path) -> None:
     file = scene_of(tmp_path, "tolerances: {encoder_step_deg: 0.25}\n")
     for spec in frame_specs(file.scene):

@@ -41,6 +41,7 @@ def test_keys_are_independent(method: Method) -> None:
         assert chi_squared < 50  # 15 degrees of freedom: a probability of 1e-5
 
 
+@pytest.mark.false_alarm(0.0, "the values are bounded, whatever is drawn")
 @given(seed=SEEDS, number=st.integers(0, 2**31), attempt=st.integers(1, 9))
 def test_each_attempt_stream_and_key_has_its_own_number(
     seed: int, number: int, attempt: int
