@@ -250,8 +250,9 @@ def test_any_rig_is_read_or_refused(tmp_path: Path) -> None:
         document = deepcopy(whole)
         for _ in range(random.choice((1, 1, 2))):
             section = random.choice(list(document))
-            if isinstance(document[section], dict) and random.random() < 0.9:
-                name = random.choice(list(document[section]))
+            names = list(document[section]) if isinstance(document[section], dict) else []
+            if names and random.random() < 0.9:
+                name = random.choice(names)
                 document[section][name] = random.choice(ODD)
             else:
                 document[section] = random.choice(ODD)
