@@ -42,8 +42,8 @@ def test_recovers_a_noise_free_beam(psi_deg: float, deflection: float) -> None:
     assert answer.values["displacement_z_m"] == pytest.approx(contact.point[2], abs=2e-6)
     # Eq. (27) with the exact lever, right-handed: what the beam exerts on the sensor.
     arm = answer.values["force_n"] * BEAM.length  # a scale to compare on
-    told = -state.base_moment[1]
-    assert told == pytest.approx(
+    moment_y = -state.base_moment[1]
+    assert moment_y == pytest.approx(
         answer.values["contact_antenna_z_m"] * answer.values["force_x_n"]
         - answer.values["contact_antenna_x_m"] * answer.values["force_z_n"],
         abs=1e-4 * arm,
@@ -103,16 +103,16 @@ def test_columns_alone_tell_psi_badly_and_say_so() -> None:
     answers = [
         exact_fit_3d(measured(view(state, random=generator(__name__, seed)))) for seed in range(40)
     ]
-    told = [one for one in answers if one.values]
-    assert len(told) > 21  # 35 +- 2
+    answered = [one for one in answers if one.values]
+    assert len(answered) > 21  # 35 +- 2
     assert all(one.message for one in answers if not one.values)
     # Medians: some errors are far larger, and stated as such.
-    psi = np.array([abs(one.values["psi_rad"] - plane_of(state)) for one in told])
+    psi = np.array([abs(one.values["psi_rad"] - plane_of(state)) for one in answered])
     assert math.radians(3) < np.median(psi) < math.radians(18)  # 7 +- 1 deg
-    stated = np.array([one.sigma("psi_rad") for one in told])
+    stated = np.array([one.sigma("psi_rad") for one in answered])
     assert 0.25 < np.median(psi / stated) < 1.2  # 0.6 +- 0.05
     # The place hardly depends on it.
-    place = np.array([abs(one.values["x_c_m"] - state.contact.point[0]) for one in told])
+    place = np.array([abs(one.values["x_c_m"] - state.contact.point[0]) for one in answered])
     assert np.median(place) < 0.002 * BEAM.length
 
 

@@ -212,11 +212,11 @@ def test_a_spring_is_told_apart_from_a_rigid_object(random: np.random.Generator)
     assert soft.sigma("stiffness_n_per_m") / soft.values["stiffness_n_per_m"] == pytest.approx(
         soft.sigma("compliance_m_per_n") / soft.values["compliance_m_per_n"]
     )
-    told = [
+    reported = [
         "stiffness_n_per_m" in push_fit(measured_push(still(0.12, 0.0), random)[0]).values
         for _ in range(10)
     ]
-    assert sum(told) <= 5
+    assert sum(reported) <= 5
 
 
 def test_every_frame_adds_to_what_is_known_of_the_object(random: np.random.Generator) -> None:

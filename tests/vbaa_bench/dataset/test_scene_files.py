@@ -222,7 +222,7 @@ def test_a_mesh_that_is_damaged_while_pushes_are_drawn_is_no_impossible_draw(
     layout: Layout,
 ) -> None:
     values = json.loads(layout.identity.read_text())["scene"]
-    values["pushes"]["repeats"] = 40  # so many that a mesh is among them
+    values["pushes"]["repeats"] = 40  # at least one of 40 pushes has a mesh
     copy = recorded_scene({"title": "x", **values}, layout.files)
     rig, frames = true_rig(copy.scene), Frames(copy.scene)
     pushes = Pushes(copy, rig, PushSolver(copy.scene, rig, copy.folder))

@@ -104,9 +104,8 @@ def test_calibration_curves_are_actual_shares(table: pl.DataFrame) -> None:
     right, narrow = found["exact_fit", "contact distance"], found["exact_fit", "force"]
     assert right.at(0.68) == pytest.approx(68, abs=4.1)
     assert right.at(0.95) == pytest.approx(95, abs=2)
-    assert narrow.at(0.95) == pytest.approx(
-        67.3, abs=4.1
-    )  # errors of two sigmas: erf(0.98 / sqrt 2)
+    # Errors of two sigmas: erf(0.98 / sqrt 2).
+    assert narrow.at(0.95) == pytest.approx(67.3, abs=4.1)
     assert narrow.nees == pytest.approx(4, rel=0.13)
 
 
