@@ -26,7 +26,9 @@ it by `@pytest.mark.false_alarm(rate, "derivation")`; its margins are not measur
 
 A test whose margins are all above fifteen in the first eight seeds is not run with the others: if
 one of them were five, eight seeds would show fifteen with a probability of 0.2 % (chi-square of
-seven degrees of freedom).
+seven degrees of freedom). Nor is a test without a margin that has passed with all eight.
+
+With `--keep FOLDER` the record of each seed stays, and the same command continues after it.
 """
 
 import argparse
@@ -35,6 +37,7 @@ import functools
 import importlib.abc
 import importlib.machinery
 import json
+import math
 import os
 import subprocess
 import sys
@@ -406,11 +409,11 @@ def table(runs: Sequence[Sequence[dict[str, Any]]]) -> list[Row]:
 
 
 def clear_tests(runs: Sequence[Sequence[dict[str, Any]]]) -> list[str]:
-    """List the tests all of whose assertions are far from their limits; see the module."""
-    margins = defaultdict[str, list[float]](list)
+    """List the tests that need no further seeds: all margins are large, or there is none."""
+    least = {line["test"]: math.inf for run in runs for line in run}
     for row in table(runs):
-        margins[row.test].append(0.0 if row.margin is None else row.margin)
-    return [test for test, values in margins.items() if min(values) >= CLEAR]
+        least[row.test] = min(least[row.test], 0.0 if row.margin is None else row.margin)
+    return [test for test, value in least.items() if value >= CLEAR]
 
 
 def main() -> int:
@@ -418,7 +421,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Measure the margins of the tests over seeds")
     parser.add_argument("--part", default="1/1")
     parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--keep", type=Path, help="folder of the records, a temporary one if none")
+    parser.add_argument("--keep", type=Path, help="folder of the records, with which it continues")
     parser.add_argument("tests", nargs="*", default=["tests"])
     options = parser.parse_args()
     part_of(options.part)
@@ -429,12 +432,15 @@ def main() -> int:
         runs = list[list[dict[str, Any]]]()
         left_out = folder / "left_out.json"
         for seed in range(options.seeds):
+            path, unfinished = folder / f"{seed}.jsonl", folder / f"{seed}.part"
+            if path.exists():
+                runs.append(_read(path))
+                continue
             clear = clear_tests(runs) if seed >= SCREENING_SEEDS else []
             left_out.write_text(json.dumps(clear), "utf-8")
-            path = folder / f"{seed}.jsonl"
-            path.unlink(missing_ok=True)
+            unfinished.unlink(missing_ok=True)
             command = [sys.executable, "-m", "pytest", "-q", "--no-header", "--no-summary"]
-            command += ["--assert=plain", "-p", "tests.margins", f"--margins={path}"]
+            command += ["--assert=plain", "-p", "tests.margins", f"--margins={unfinished}"]
             command += [f"--part={options.part}", f"--left-out={left_out}", *options.tests]
             environment = {**os.environ, "VBAA_TEST_SEED": str(seed)}
             code = subprocess.run(
@@ -443,8 +449,9 @@ def main() -> int:
             if code not in (0, 1, pytest.ExitCode.NO_TESTS_COLLECTED):
                 print(f"pytest ended with {code}: {' '.join(command)}")
                 return code
-            lines = path.read_text("utf-8").splitlines() if path.exists() else []
-            runs.append([json.loads(line) for line in lines])
+            unfinished.touch()  # no test, no record
+            unfinished.rename(path)
+            runs.append(_read(path))
             seconds = time.monotonic() - start
             failures = sum(line["failed"] for line in runs[-1])
             print(
@@ -452,6 +459,10 @@ def main() -> int:
                 flush=True,
             )
     return _print(runs)
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text("utf-8").splitlines()]
 
 
 def _print(runs: Sequence[Sequence[dict[str, Any]]]) -> int:
