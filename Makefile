@@ -5,7 +5,7 @@ export PYTHONDONTWRITEBYTECODE :=
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test types tests narrow oldest seeds libraries lock clean
+.PHONY: demo test types tests narrow oldest seeds golden libraries lock clean
 
 demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
@@ -36,6 +36,10 @@ PART ?= 1/1
 TESTS ?= tests
 seeds: libraries
 	$(BIN)/python -m tests.margins --part $(PART) $(TESTS)
+
+# Whether this version makes the same as another one:  make golden BASE=COMMIT
+golden: libraries
+	$(BIN)/python -m tests.golden $(BASE)
 
 # uv comes from PyPI at a pinned hash; --target also works where Debian protects its own site-packages.
 .tools/bin/uv: requirements-uv.lock
