@@ -28,12 +28,25 @@ import numpy as np
 import polars as pl
 
 ROOT: Final = Path(__file__).parent.parent
-# Every kind of object, occluder, sensor, ground and paint, and lamps of most kinds: a scene each.
-SCENES: Final = (
-    *("fig11_stiffness", "fig6_unknown_psi", "fig14_micro", "camera_moving", "camera/poor_sensor"),
-    *("camera/colour", "looks/laboratory", "objects/mesh", "hard/two_pegs", "hard/behind_leaves"),
-    *("lighting/environment", "random/looks"),
-)
+# Objects, occluders, sensors, grounds, paints and lamps of most kinds: scenes, and their pushes.
+_STATED: Final = "contact_distance_mm: [110, 190], deflection_pct: [6, 16]"
+SCENES: Final = {
+    "fig11_stiffness": "contact_distance_mm: [140], stiffness_n_m: [5, rigid], "
+    "pushing_angle_deg: [3, 9]",
+    "fig6_unknown_psi": "contact_distance_mm: [110, 170], normal_deg: [20, 60], "
+    "deflection_pct: [10]",
+    "fig14_micro": "contact_distance_mm: [4, 8], deflection_pct: [2, 10]",
+    "camera_moving": "contact_distance_mm: [90, 170], pushing_angle_deg: [-4, 8]",
+    "camera/poor_sensor": _STATED,
+    "camera/colour": _STATED,
+    "looks/laboratory": _STATED,
+    "objects/mesh": _STATED,
+    "hard/two_pegs": "contact_distance_mm: [80, 140], pushing_angle_deg: [2, 8]",
+    "hard/behind_leaves": _STATED,
+    "lighting/environment": _STATED,
+    "random/looks": "contact_distance_mm: [{uniform: [40, 222]}], "
+    "deflection_pct: [{log_uniform: [1, 25]}], repeats: 4",
+}
 LAYERS: Final = (
     "layers=[radiance,variance,beam_mask,coverage,arc_length,depth,normal,object_index,occlusion]"
 )
@@ -54,11 +67,11 @@ LIMITS_MAY_DIFFER: Final = 1e-9
 
 def make(folder: Path) -> None:
     """Make everything of this version in a new folder."""
-    for name in SCENES:
+    for name, pushes in SCENES.items():
         options = ["--rigs", "0:2"] if name.startswith("random/") else []
+        options += ["--set", f"pushes={{{pushes}}}", "--set", LAYERS]
         out = folder / "datasets" / name.replace("/", "_")
-        _command("generate", f"scenes/{name}.yaml", "--out", out, "--frames", "4", *options,
-                 "--set", LAYERS)  # fmt: skip
+        _command("generate", f"scenes/{name}.yaml", "--out", out, *options)
     _command("run", "scenes/quickstart.yaml", "--out", folder / "run")
     _command("baseline", folder / "run", "--out", folder / "baseline.json", "--why", "golden")
     _write_messages(folder)
