@@ -68,6 +68,7 @@ def test_errors_that_neighbours_share_are_no_taper(random: np.random.Generator) 
     assert sum("rig.json" in exact_fit(frame).message for frame in frames) <= 4
 
 
+@pytest.mark.false_alarm(1e-6, "binomial, none of 12 at 69 %, the least of 150 courses each")
 @pytest.mark.parametrize("taper", [-0.4, -0.1])
 @pytest.mark.parametrize("place", [0.5, 0.9])
 @pytest.mark.parametrize("load", [0.3, 1.2])
@@ -75,10 +76,11 @@ def test_a_taper_on_a_rig_that_states_a_uniform_beam(
     taper: float, place: float, load: float, random: np.random.Generator
 ) -> None:
     beam = bent(taper, place, load)
-    outcomes = [exact_fit(measured(beam, UNIFORM, random)).outcome for _ in range(6)]
+    outcomes = [exact_fit(measured(beam, UNIFORM, random)).outcome for _ in range(12)]
     assert not any(outcome.has_values for outcome in outcomes)
     # Some fits stop before a minimum: an iteration that does not converge names no assumption.
-    assert outcomes.count(Outcome.INVALID) >= 3
+    assert Outcome.INVALID in outcomes
+    assert {*outcomes} <= {Outcome.INVALID, Outcome.NOT_CONVERGED}
 
 
 @pytest.mark.false_alarm(3e-6, "binomial, more than 5 of 20 at 2 %, as of 200 courses")

@@ -67,7 +67,8 @@ def test_the_plane_of_deflection_is_learned_against_that_of_the_force() -> None:
     shape = learned().shape
     assert shape.sigma(SKEW) < 0.2 * STATED.sigma(SKEW)
     # It turns by up to 0.2 degrees in large pushes.
-    assert abs(shape.skew - true_skew()) < 3.5 * math.hypot(shape.sigma(SKEW), math.radians(0.2))
+    error = math.hypot(shape.sigma(SKEW), math.radians(0.2))
+    assert abs(shape.skew - true_skew()) < MOST_SIGMAS * error
     words = f"plane of the force to that of the deflection: {math.degrees(shape.skew):.2f} +- "
     assert words in summary(learned(), rig(), rig())
 

@@ -69,6 +69,9 @@ def test_a_push_of_a_cone_is_what_the_world_measures(friction: float) -> None:
         assert abs(error) < 2 * estimate.sigma("friction") < 0.1
 
 
+@pytest.mark.false_alarm(
+    2e-6, "binomial, more than 6 of 30 pushes at 2 %, as of 240; mean squares are 0.8 to 1.4"
+)
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 def test_its_sigmas_are_honest(friction: float, random: np.random.Generator) -> None:
     in_sigmas = []
@@ -86,9 +89,8 @@ def test_its_sigmas_are_honest(friction: float, random: np.random.Generator) -> 
             "compliance_m_per_n": 0.0,
         }
         in_sigmas.append(list(pulls(estimate, truth).values()))
-    # Of 120 pushes the mean square is 0.8 to 1.4; one in some hundreds is far out.
     assert (np.mean(np.square(np.clip(in_sigmas, -4, 4)), axis=0) < 3).all()
-    assert np.count_nonzero(np.abs(in_sigmas) > 4) <= 3
+    assert np.count_nonzero((np.abs(in_sigmas) > 4).any(axis=1)) <= 6
 
 
 @pytest.mark.parametrize(("rigid", "first"), [(True, -1.0), (False, 0.0)])

@@ -60,7 +60,8 @@ seed: 4
 camera: {width_px: 160, height_px: 160, focal_length_px: 200, mount: MOUNT}
 clamp: {}
 clutter: {count: 40}
-pushes: {contact_distance_mm: [120], pushing_angle_deg: [8]}
+pushes:
+  {contact_distance_mm: [120], pushing_angle_deg: [8], motor_angle_at_contact_deg: [10, 20]}
 """)
 
 

@@ -65,6 +65,7 @@ def test_there_may_be_no_room(random: np.random.Generator) -> None:
     assert crossing(wire, 0.1, (1.0, 2.0), 0.5, random) is None
 
 
+@pytest.mark.false_alarm(0.0, "wires are drawn so that none touches; paints are bounded")
 @pytest.mark.parametrize("fixed_to", ["antenna", "world"])
 def test_wires_touch_nothing(fixed_to: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"

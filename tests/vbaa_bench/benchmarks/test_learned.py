@@ -78,7 +78,7 @@ def test_a_model_is_an_entrant(dataset: Path, tmp_path: Path) -> None:
         expected = 0.6 if frame.push_id == frames[0].push_id else 0.5
         assert x_c[frame.frame_id] == pytest.approx(240 * expected)
     assert table["force_n"].to_numpy() == pytest.approx(0.2)
-    assert (table["image_ms"].to_numpy() > 0).all()
+    assert table["image_ms"].null_count() == 0
 
 
 def test_an_absent_library_is_one_sentence(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:

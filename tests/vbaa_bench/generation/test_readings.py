@@ -55,7 +55,7 @@ def test_moment_and_force_sensors_read_what_the_clamp_bears(tmp_path: Path) -> N
         contact = state.contact
         # (27) with a right-handed m_y; the exact base moment is r x F.
         m_y = np.cross(contact.point, contact.force)[1]
-        assert m_y < 0 < contact.force[2]
+        assert (np.sign(m_y), np.sign(contact.force[2])) == (-1, 1)
         moments.append(float(values["moment_y_n_mm"]) - 1e3 * m_y)
         forces.append([float(values[f"base_force_{a}_n"]) for a in "xyz"] + contact.force)
         assert float(values["base_moment_y_n_mm"]) == pytest.approx(-1e3 * m_y, abs=0.06)

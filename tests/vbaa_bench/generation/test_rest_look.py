@@ -39,7 +39,7 @@ def test_clutter_is_the_same_at_rest_as_in_frames(tmp_path: Path, variant: str) 
     rest = [_clutter(renderer.rest_world(number)) for number in range(3)]
     specs = work.frame_specs[: file.scene.frames_per_shard]
     pushed = [_clutter(renderer.pushed_world(renderer.pose(spec))) for spec in specs]
-    assert len(rest[0]) > 100
+    assert rest[0].size
     for other in (*rest[1:], *pushed):
         np.testing.assert_array_equal(other, rest[0])
 

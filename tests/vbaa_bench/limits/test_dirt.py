@@ -69,7 +69,7 @@ def test_the_density_of_a_drawn_pattern_is_that_of_its_field() -> None:
         scene = Scene(title="Dirt", seed=scene_seed(number), pushes=PUSHES, beam=beam).scene
         dirt = dirt_of(scene, true_rig(scene), PARTS)
         assert dirt is not None
-        assert dirt.mean_diffuse == pytest.approx(1.0, abs=0.015)
+        assert dirt.mean_diffuse == pytest.approx(1.0, abs=0.03)
         assert dirt.mean_specular == 1.0
         density = dirt.density(SURFACE, length_px) / np.outer(DISC, DISC)
         ratios.append(np.diag(density).mean() / expected)

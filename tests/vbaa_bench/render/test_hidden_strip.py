@@ -85,7 +85,7 @@ def test_it_is_what_rays_to_the_lamp_meet(lamp: trimesh.Trimesh, rise: float) ->
         # The strip is a little wider than the polygon that the rays meet, and has square ends.
         hidden += meets.mean(), inside.mean()
         assert (meets & ~inside).mean() <= 0.015 * meets.mean() + 20 / SAMPLES
-        assert (inside & ~meets).mean() < 0.03 * inside.mean() + 10 / SAMPLES
+        assert (inside & ~meets).mean() < 0.04 * inside.mean() + 20 / SAMPLES
     assert hidden[0] > 0.01
 
 

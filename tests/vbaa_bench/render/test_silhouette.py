@@ -73,7 +73,7 @@ def test_the_mean_does_not_depend_on_the_silhouette(world: World, shift_px: floa
     pixels = around(right)
     shifted = replace(right, edges=right.edges + shift_px * (right.edges != 0))
     images = [
-        [traced(world, pixels, silhouette, 100 * seed) for seed in range(12)]
+        [traced(world, pixels, silhouette, 100 * seed) for seed in range(16)]
         for silhouette in (None, shifted)
     ]
     for quantity in ("radiance", "coverage"):
