@@ -136,7 +136,8 @@ def test_the_truth_is_complete(dataset: Path) -> None:
             f for f in open_observations(layout.observations) if f.frame_id == row["frame_id"]
         ).readings.motor_angle
         assert reading is not None
-        assert 0 < abs(np.degrees(reading) - row["true_motor_angle_deg"]) < 0.05
+        assert np.degrees(reading) != row["true_motor_angle_deg"]
+        assert abs(np.degrees(reading) - row["true_motor_angle_deg"]) < 0.05
 
 
 def test_calibration_returns_the_true_camera(dataset: Path, antenna: Antenna) -> None:
@@ -163,7 +164,7 @@ def test_the_extracted_points_lie_on_the_true_centreline(dataset: Path, antenna:
         error = found.points[:, 1] - np.interp(found.points[:, 0], line[:, 0], line[:, 1])
         assert np.sqrt(np.mean(error**2)) < 0.02  # px
         assert np.abs(error).max() < 0.1
-        assert len(error) > 350
+        assert len(error) > 300
 
 
 # By how much of L a method may err: linear theory is biased at 20 % deflection.
@@ -208,7 +209,8 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     reading = observations.frames[0].readings.motor_angle
     assert reading is not None
     encoder = reading - np.radians(truth.frames["true_motor_angle_deg"][0])
-    assert 0 < abs(encoder) < np.radians(0.05)
+    assert encoder != 0
+    assert abs(encoder) < np.radians(0.05)
     tracker = PushTracker(set_up(observations), METHODS["exact_fit"])
     answer = tracker.solve(observations.frames[0].image()).estimate
     row = truth.frames.row(0, named=True)

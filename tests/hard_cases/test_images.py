@@ -97,6 +97,7 @@ def test_a_beam_at_rest_is_no_contact(dataset: Path, antenna: Antenna, method: s
         assert answer.outcome is Outcome.NO_CONTACT
 
 
+@pytest.mark.false_alarm(0.0, "the place is bounded by the beam's ends")
 @pytest.mark.parametrize("method", VISUAL)
 def test_a_half_hidden_beam_is_still_answered(dataset: Path, antenna: Antenna, method: str) -> None:
     frame = open_observations(dataset / "observations").frames[0]

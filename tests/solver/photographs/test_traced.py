@@ -29,7 +29,9 @@ def drawn(
     clamp = scale * (np.array([70.0, 180.0]) + random.uniform(-10, 10, 2))
     line = centreline(clamp, random.uniform(-0.1, 0.05), scale * 500.0, bend, 0.8)
     photo = photograph_of(line, width_px, shape, look, random)
-    return photo, traced_beam(photo.image, *photo.marks(random))
+    # A user marks places in the image.
+    clamp, tip = np.clip(photo.marks(random), 0.0, np.array(shape[::-1]) - 1.0)
+    return photo, traced_beam(photo.image, clamp, tip)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +84,7 @@ def test_the_places_where_a_string_hides_an_edge_are_left_out() -> None:
     look = Look()
     photo, beam = drawn(15, replace(look, string=True), 2)
     _, undisturbed = drawn(15, look, 2)
-    assert 40 <= len(beam.points) <= len(undisturbed.points)
+    assert len(undisturbed.points) - len(beam.points) in range(len(undisturbed.points) // 2)
     assert np.abs(photo.off(beam.points, beam.normals)).max() < 0.25
 
 

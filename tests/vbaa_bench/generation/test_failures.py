@@ -132,7 +132,7 @@ def test_an_image_at_which_processes_die_costs_its_rig_alone(
     assert [result.reason for result in results] == ["", reason, ""]
     rows = CollectionLayout(root).read_rows()
     assert {number: row["reason"] for number, row in rows.items()} == {0: None, 1: reason, 2: None}
-    assert float(rows[1]["beam.length_mm"] or 0) == pytest.approx(240, abs=1)
+    assert round(float(rows[1]["beam.length_mm"] or 0)) in {239, 240, 241}
     assert not CollectionLayout(root).rig(1).root.exists()
 
 
