@@ -89,7 +89,8 @@ def _command(*arguments: str | Path) -> None:
 def _write_messages(folder: Path) -> None:
     counts = [option for kind, count in MESSAGES.items() for option in (f"--{kind}", str(count))]
     fuzz = folder / "fuzz"
-    _command("fuzz", "--seed", "1", "--out", fuzz, *counts)
+    command = [sys.executable, "-m", "tests.robustness.fuzz", "--seed", "1", "--out", str(fuzz)]
+    subprocess.run([*command, *counts], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     lines = (fuzz / "cases.jsonl").read_text("utf-8").splitlines()[1:]
     cases = sorted(json.loads(line) for line in lines)
     texts = [

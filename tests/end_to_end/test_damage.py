@@ -18,10 +18,10 @@ from tests.conftest import ALL_LAYERS, SMALL_SCENE
 from tests.draws import generator, scene_seed
 from tests.end_to_end.test_generate import digests, quiet
 from tests.restoring import Restorer
+from tests.robustness.damage.damages import kind_of
 from tests.sealing import reseal
 from tests.vbaa_bench.generation.test_failures import SCENE as SIX_FRAMES
 from vbaa_bench import cli
-from vbaa_bench.benchmarks.damage.damages import kind_of
 from vbaa_bench.dataset import identity
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked

@@ -1,4 +1,4 @@
-"""Commands that export a dataset to the formats of other tools, and check these exports."""
+"""The command that exports a dataset to the formats of other tools."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -70,38 +70,6 @@ def export(
         raise
     record = {"export": str(out), "frames": result.frames, "splits": result.splits}
     print_result(record, f"{result.frames} frames in {out}, read back and equal", as_json)
-
-
-def check_exports(
-    datasets: Annotated[list[Path], typer.Argument(help="dataset or collection folders")],
-    environments: Annotated[
-        Path, typer.Option(help="folder of the environments of the client libraries, 6 GB")
-    ] = Path("runs/.clients"),
-    out: Annotated[Path, typer.Option("--out", "-o", help="Markdown table to write")] = Path(
-        "results/production/exports.md"
-    ),
-    as_json: AsJson = False,
-) -> None:
-    """Check exports with the client libraries themselves, in environments of their own, offline.
-
-    The first call installs datasets, webdataset, mlcroissant, PyTorch and LeRobot.
-    """
-    with importing():
-        from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.benchmarks.exports.command import as_markdown
-        from vbaa_bench.benchmarks.exports.command import check_exports as check
-
-    prepare_output_path(out)
-    with ExitStack() as shown:
-        rows = check(datasets, environments, _progress(shown, ("environments", "exports")))
-    write(out, as_markdown(rows).encode())
-    wrong = [row for row in rows if not row.right]
-    for row in wrong:
-        console.print(f"{row.dataset}, {row.client}, {row.asked}: {row.measured}", markup=False)
-    record = {"table": str(out), "checks": len(rows), "wrong": len(wrong)}
-    print_result(record, f"{len(rows) - len(wrong)} of {len(rows)} checks are right", as_json)
-    if wrong:
-        raise typer.Exit(1)
 
 
 def _progress(shown: ExitStack, steps: tuple[str, ...]) -> Callable[[str, int, int], None]:

@@ -3,16 +3,15 @@
 import importlib.metadata
 import sys
 import warnings
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
+import typer.core
 
 from solver.instrument.errors import InputError
 from solver.lab.command_end import run_command
 from vbaa_bench.cli import checks, data, datasets, measure, regression, results
-from vbaa_bench.cli.endurance import endurance_app
-from vbaa_bench.cli.export import check_exports, export
-from vbaa_bench.cli.fuzz import fuzz
+from vbaa_bench.cli.export import export
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.outline import outline
@@ -21,7 +20,28 @@ from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.cli.view import view
 from vbaa_bench.generation.job import WorkerDiedError
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+# Commands of before, and where they are now.
+_MOVED: Final = {
+    "check-damage": "python -m tests.robustness.damage, in the repository",
+    "check-exports": "python -m tests.robustness.export_clients, in the repository",
+    "endurance": "python -m tests.robustness.endurance, in the repository",
+    "fuzz": "python -m tests.robustness.fuzz, in the repository",
+}
+
+
+class _Commands(typer.core.TyperGroup):
+    """The commands; a name of before is refused with the one of now."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Find a command by its name. Raises InputError for one that is elsewhere now."""
+        if cmd_name in _MOVED:
+            raise InputError(f"{cmd_name} is no command any more: use {_MOVED[cmd_name]}")
+        return super().get_command(ctx, cmd_name)
+
+
+app = typer.Typer(
+    cls=_Commands, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False
+)
 app.command()(results.run)
 app.command()(data.preview)
 app.command()(data.plan)
@@ -47,7 +67,6 @@ app.command()(data.check_camera)
 app.command()(checks.check_limits)
 app.command()(checks.check_method)
 app.command()(checks.check_learning)
-app.command()(checks.check_damage)
 app.command()(measure.budget)
 app.command()(measure.stability)
 app.command()(measure.stress)
@@ -56,11 +75,8 @@ app.command()(measure.remake)
 app.command()(outline)
 app.command()(check_photographs)
 app.command()(checks.leaks)
-app.command()(check_exports)
-app.command()(fuzz)
 app.command()(checks.doctor)
 app.add_typer(speed_app, name="speed")
-app.add_typer(endurance_app, name="endurance")
 
 
 def _print_version(requested: bool) -> None:

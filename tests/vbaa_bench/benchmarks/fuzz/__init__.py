@@ -1,1 +1,0 @@
-"""Tests of vbaa_bench/benchmarks/fuzz."""
