@@ -202,8 +202,9 @@ def read_old_run(old: Path, scratch: Path) -> Iterator[str]:
     run = scratch / "run"
     shutil.copytree(old / "run", run)
     commands: list[list[str | Path]] = [
-        *(["verify", run], ["info", run], ["limits", run], ["solve", run, "--method", "exact_fit"]),
-        *(["score", run], ["report", run], ["table", run], ["budget", run]),
+        *([name, run] for name in ("verify", "info", "limits")),
+        ["solve", run, "--method", "exact_fit"],
+        *([name, run] for name in ("score", "report", "table", "budget")),
         ["compare", run, old / "baseline.json"],
         ["baseline", run, "--out", scratch / "baseline.json", "--why", "golden"],
         ["export", run, "--to", "csv", "--out", scratch / "csv"],

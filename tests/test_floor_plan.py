@@ -87,6 +87,16 @@ def test_modules_import_only_downward() -> None:
     assert upward == []
 
 
+def test_neither_package_needs_its_laboratory_or_its_tests() -> None:
+    wrong = [
+        f"{path} imports {name}"
+        for path in [*modules("solver"), *modules("vbaa_bench")]
+        for name in imports(path)
+        if name.partition(".")[0] in {"results", "tests"}
+    ]
+    assert wrong == []
+
+
 def test_the_antenna_knows_neither_the_world_nor_its_tools() -> None:
     wrong = []
     for path in modules("solver"):

@@ -81,7 +81,8 @@ def measured(case: Case) -> Row:
             last = line.strip()
     failure = f"{image}, exit status {child.returncode}: {last}" if child.returncode else ""
     seconds = round(time.monotonic() - start, 1)
-    return Row(*case, *(messages[name] for name in IMAGES), seconds, failure[:200])
+    counts = messages["frame"], messages["rest"], messages["board"]
+    return Row(case.scene, case.rig, *counts, seconds, failure[:200])
 
 
 def render(case: Case) -> None:
@@ -122,8 +123,8 @@ def table() -> dict[Case, Row]:
         return {}
     with TABLE.open(encoding="utf-8", newline="") as text:
         rows = [
-            Row(name, *map(int, counts), float(seconds), failure)
-            for name, *counts, seconds, failure in list(csv.reader(text))[1:]
+            Row(name, int(rig), int(frame), int(rest), int(board), float(seconds), failure)
+            for name, rig, frame, rest, board, seconds, failure in list(csv.reader(text))[1:]
         ]
     return {Case(row.scene, row.rig): row for row in rows}
 

@@ -4,5 +4,5 @@ for scene in train_2d_one_look train_2d; do
     vbaa-bench solve "$RUNS/$scene" --method exact_fit
 done
 cd "$RUNS"
-vbaa-bench learned train_2d_one_look train_2d --out "$OUT/trained_on_train_2d_one_look.md"
-vbaa-bench learned train_2d train_2d_one_look --out "$OUT/trained_on_train_2d.md"
+python -m results.learned train_2d_one_look train_2d --out "$OUT/trained_on_train_2d_one_look.md"
+python -m results.learned train_2d train_2d_one_look --out "$OUT/trained_on_train_2d.md"

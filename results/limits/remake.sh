@@ -12,5 +12,5 @@ vbaa-bench limits $OF --vary 'camera.position_mm=[120,18,360],[120,-162,312],[-6
     --out "$OUT/viewpoints.html"
 # shellcheck disable=SC2086
 vbaa-bench limits $OF --vary tolerances.flexural_rigidity_pct=1,0.3,0.1 --out "$OUT/rigidity.html"
-vbaa-bench check-limits scenes/fig8_rigid.yaml scenes/fig9_knife_edge.yaml scenes/fig6_unknown_psi.yaml \
+python -m results.limits scenes/fig8_rigid.yaml scenes/fig9_knife_edge.yaml scenes/fig6_unknown_psi.yaml \
     scenes/fig11_stiffness.yaml scenes/fig13_occlusion.yaml --frames 3 --exposures 2000 --out "$OUT/rendered.md"

@@ -1,1 +1,1 @@
-vbaa-bench check-photographs --rigs 12 --seed 1 --out "$(realpath --relative-to=. "$OUT")"
+python -m results.photographs --rigs 12 --seed 1 --out "$(realpath --relative-to=. "$OUT")"

@@ -1,1 +1,1 @@
-vbaa-bench speed render scenes/fig8_rigid.yaml --seconds 1200 --out "$OUT"
+python -m results.render_speed scenes/fig8_rigid.yaml --seconds 1200 --out "$OUT"

@@ -133,8 +133,8 @@ def compare(case: Case, folder: Path) -> list[Row]:
             rms = float(np.sqrt(np.mean(difference**2)) / one[f"noise_{bits}"])
             differ = 1e6 * float(np.mean(difference != 0))
             largest = int(np.abs(difference).max())
-            figures = round(differ, 1), largest, round(rms, 6), samples
-            rows.append(Row(*case, width, bits, difference.size, *figures, ""))
+            image = case.scene, case.rig, width, bits, difference.size
+            rows.append(Row(*image, round(differ, 1), largest, round(rms, 6), samples, ""))
     return rows
 
 

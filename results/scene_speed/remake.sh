@@ -1,1 +1,1 @@
-vbaa-bench speed scenes scenes --limit 60 --out "$OUT"
+python -m results.scene_speed scenes --limit 60 --out "$OUT"

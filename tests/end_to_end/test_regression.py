@@ -9,6 +9,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from results.regression.alarms import measure
+from solver.instrument.errors import InputError
 from tests.command_line import CommandLine
 from vbaa_bench import cli
 from vbaa_bench.dataset.recorded import write_results
@@ -141,4 +143,5 @@ def test_what_cannot_be_compared_ends_with_status_two(
     assert "no baseline in this folder" in command.refused("compare", tmp_path, BASELINES)
     assert "cannot be read" in command.refused("compare", rigid, tmp_path / "none.json")
     assert "holds no scores" in command.refused("compare", tmp_path, four_pushes)
-    assert "at least two runs" in command.refused("alarms", rigid)
+    with pytest.raises(InputError, match="at least two runs"):
+        measure([rigid])

@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from results.pictures.contact_sheet import contact_sheet
 from solver.instrument.arrays import Floats
 from solver.instrument.image_frame import Readings
 from solver.instrument.images import png_head, read_grey
@@ -15,7 +16,6 @@ from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.conftest import SCENE_TEXT
 from tests.draws import seeded
-from vbaa_bench.benchmarks.contact_sheet import contact_sheet
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth

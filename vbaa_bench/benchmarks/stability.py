@@ -31,7 +31,7 @@ from typing import Any, Final
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.beam import Beam
+from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.board import Chessboard
 from solver.instrument.estimate import Estimate
 from solver.instrument.gravity import Gravity
@@ -39,12 +39,13 @@ from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.methods import METHODS, Method
 from solver.tracker import run_method
-from vbaa_bench.benchmarks.reference import BEAM
 from vbaa_bench.mechanics.planar import push
 from vbaa_bench.mechanics.state import State
 
 Record = dict[str, Any]
 
+# The beam of the paper, section VI-A.
+BEAM: Final = Beam(0.24, 0.8e-3, circular_rigidity(200e9, 0.8e-3))
 CONTACTS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # x_c / L before the push
 DEFLECTIONS: Final = (0.05, 0.2)
 PIXEL: Final = 0.51e-3  # on plane C [m]

@@ -4,8 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import (
@@ -15,7 +13,6 @@ from vbaa_bench.cli.options import (
     FrameCount,
     Out,
     PartOption,
-    Picture,
     Rigs,
     ScenePath,
     Seed,
@@ -213,83 +210,3 @@ def generate_dataset(
         console.print("interrupted; run the same command again to continue")
         raise
     return GeneratedFolder(Path(made), count_frames(Path(made)), dataset_digest(Path(made)))
-
-
-def contact_sheet(
-    scenes: Annotated[Path, typer.Argument(help="folder of scenes")] = Path("scenes"),
-    out: Picture = None,
-    lights: Annotated[
-        bool,
-        typer.Option("--lights", help="render SCENES/lighting, each by material and background"),
-    ] = False,
-    variant: Variant = None,
-    as_json: AsJson = False,
-) -> None:
-    """Render one frame of every scene in a folder into one image."""
-    with importing():
-        from solver.instrument.errors import InputError
-        from vbaa_bench.benchmarks.contact_sheet import contact_sheet as write_sheet
-        from vbaa_bench.benchmarks.lighting_sheet import lighting_sheet
-        from vbaa_bench.render.variant import choose
-
-    paths = sorted(scenes.rglob("*.yaml"))
-    out = out or Path("results/lighting.png" if lights else "results/scenes.png")
-    if lights:
-        paths, write_sheet = sorted((scenes / "lighting").glob("*.yaml")), lighting_sheet
-    if not paths:
-        raise InputError(f"{scenes}: holds no scene (*.yaml)")
-    with progress_bars() as progress:
-        task = progress.add_task("scenes", total=len(paths))
-        write_sheet(paths, out, choose(variant), lambda n, _: progress.update(task, completed=n))
-    print_result({"picture": str(out), "scenes": len(paths)}, str(out), as_json)
-
-
-def outside(
-    scene: ScenePath,
-    frame: Annotated[
-        int, typer.Option(min=0, help="frame number, in the order of the scene's pushes")
-    ] = 0,
-    out: Picture = None,
-    variant: Variant = None,
-    as_json: AsJson = False,
-) -> None:
-    """Render the whole rig of a scene from outside, in colour."""
-    with importing():
-        from solver.lab.writing import prepare_output_path
-        from vbaa_bench.benchmarks.outside_view import outside_view
-        from vbaa_bench.render.variant import choose
-        from vbaa_bench.scene.load import load_scene
-
-    file, out = load_scene(scene), out or Path("results/outside_view.png")
-    prepare_output_path(out)
-    with console.status("rendering the rig"):
-        outside_view(file, frame, out, choose(variant))
-    print_result({"picture": str(out)}, str(out), as_json)
-
-
-def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = False) -> None:
-    """Calibrate a scene's camera from rendered images, and compare it with the true camera."""
-    with importing():
-        from vbaa_bench.benchmarks import check_camera as camera
-        from vbaa_bench.render.variant import choose
-        from vbaa_bench.scene.load import load_scene
-
-    file, chosen_variant = load_scene(scene), choose(variant)
-    with progress_bars() as progress:
-        task = progress.add_task("calibration images", total=None)
-        checks, calibration = camera.check_camera(
-            file,
-            chosen_variant,
-            lambda done, total: progress.update(task, completed=done, total=total),
-        )
-    record = camera.record(checks, calibration)
-    if as_json:
-        print_result(record, "", True)
-    else:
-        table = Table("quantity", "error", "allowed", "passes")
-        for check in checks:
-            row = f"{check.error:.3g} {check.unit}", f"{check.allowed:g} {check.unit}"
-            table.add_row(check.quantity, *row, "yes" if check.passed else "no")
-        Console().print(table)
-    if not record["passed"]:
-        raise typer.Exit(1)

@@ -14,14 +14,22 @@ from vbaa_bench.cli import checks, data, datasets, measure, regression, results
 from vbaa_bench.cli.export import export
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
-from vbaa_bench.cli.outline import outline
-from vbaa_bench.cli.photographs import check_photographs
-from vbaa_bench.cli.speed import speed_app
+from vbaa_bench.cli.speed import speed
 from vbaa_bench.cli.view import view
 from vbaa_bench.generation.job import WorkerDiedError
 
 # Commands of before, and where they are now.
-_MOVED: Final = {
+MOVED: Final = {
+    "alarms": "python -m results.regression, in the repository",
+    "check-camera": "python -m results.calibration, in the repository",
+    "check-learning": "python -m results.learned_beam, in the repository",
+    "check-limits": "python -m results.limits, in the repository",
+    "check-photographs": "python -m results.photographs, in the repository",
+    "contact-sheet": "python -m results.pictures scenes, in the repository",
+    "learned": "python -m results.learned, in the repository",
+    "outline": "python -m results.outline, in the repository",
+    "outside": "python -m results.pictures outside, in the repository",
+    "remake": "python -m results.remake, in the repository",
     "check-damage": "python -m tests.robustness.damage, in the repository",
     "check-exports": "python -m tests.robustness.export_clients, in the repository",
     "endurance": "python -m tests.robustness.endurance, in the repository",
@@ -34,8 +42,8 @@ class _Commands(typer.core.TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Find a command by its name. Raises InputError for one that is elsewhere now."""
-        if cmd_name in _MOVED:
-            raise InputError(f"{cmd_name} is no command any more: use {_MOVED[cmd_name]}")
+        if cmd_name in MOVED:
+            raise InputError(f"{cmd_name} is no command any more: use {MOVED[cmd_name]}")
         return super().get_command(ctx, cmd_name)
 
 
@@ -60,23 +68,13 @@ app.command()(results.table)
 app.command()(results.dictionary)
 app.command()(regression.baseline)
 app.command()(regression.compare)
-app.command()(regression.alarms)
-app.command()(data.contact_sheet)
-app.command()(data.outside)
-app.command()(data.check_camera)
-app.command()(checks.check_limits)
 app.command()(checks.check_method)
-app.command()(checks.check_learning)
 app.command()(measure.budget)
 app.command()(measure.stability)
 app.command()(measure.stress)
-app.command()(measure.learned)
-app.command()(measure.remake)
-app.command()(outline)
-app.command()(check_photographs)
 app.command()(checks.leaks)
 app.command()(checks.doctor)
-app.add_typer(speed_app, name="speed")
+app.command()(speed)
 
 
 def _print_version(requested: bool) -> None:

@@ -7,27 +7,8 @@ import typer
 from rich.progress import TaskID
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, ScenePath, Variant, Workers
+from vbaa_bench.cli.options import METHODS, AsJson, ScenePath, Variant, Workers
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
-
-
-def remake(
-    results: Annotated[Path, typer.Argument(help="folder of results, such as results/outline")],
-    work: Annotated[
-        Path | None,
-        typer.Option(help="folder for datasets", show_default="runs/remake/<results>"),
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Make a folder of results again by its script, and record version and rendering target.
-
-    It takes up to 90 minutes on two cores, and is then stopped. Files are replaced only at the end.
-    """
-    with importing():
-        from vbaa_bench.benchmarks.remake import remake as remake_results
-
-    record = remake_results(results, work or Path("runs", "remake", results.resolve().name))
-    print_result(record, f"{results}: made again in {record['minutes']:g} minutes", as_json)
 
 
 def stability(as_json: AsJson = False) -> None:
@@ -108,42 +89,6 @@ def stress(
         show_table(title, HEADS, lines(record["rows"]))
     if not record["holds"]:
         raise typer.Exit(1)
-
-
-def learned(
-    train: DatasetPath,
-    others: Annotated[
-        list[Path] | None, typer.Argument(help="folders of other datasets", show_default="none")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
-    predictions: Annotated[
-        bool, typer.Option("--predictions", help="also write predictions/learned.csv, to be scored")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Train a regressor on one dataset; measure its errors there and on other datasets.
-
-    Its errors on held-out frames are listed beside those of a constant and of exact_fit, if solved.
-    Needs the extra 'learned'.
-    """
-    with importing():
-        from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.benchmarks import learned as regressor
-
-    if out:
-        prepare_output_path(out)
-    with progress_bars() as progress:
-        task = progress.add_task("training", total=regressor.FOLDS)
-        record = regressor.measure(
-            train, others or (), lambda: progress.advance(task), with_predictions=predictions
-        )
-    if out:
-        write(out, regressor.markdown(record).encode())
-    if as_json:
-        print_result(record, "", True)
-        return
-    title = f"trained on {record['training_frames']} frames of {record['train']}"
-    show_table(title, regressor.HEADS, regressor.cells(record))
 
 
 def budget(

@@ -110,23 +110,3 @@ def _cells(change: "Change") -> tuple[str, ...]:
         f"{change.p:.2g}",
         change.verdict,
     )
-
-
-def alarms(
-    runs: Annotated[list[Path], typer.Argument(help="scored runs of one scene, unchanged methods")],
-    as_json: AsJson = False,
-) -> None:
-    """Count the false alarms of `compare` between runs, and how often it finds known changes.
-
-    The runs may differ in the seed, or repeat the same images. Changes are errors that are 2 %
-    larger, and times that are 30 % longer, one method at a time.
-    """
-    with importing():
-        from vbaa_bench.benchmarks.alarms import HEADS, lines, measure
-
-    with console.status("comparing all pairs of runs"):
-        record = measure(runs)
-    if as_json:
-        print_result(record, "", True)
-    else:
-        show_table(f"{record['title']}: {record['runs']} runs", HEADS, lines(record))

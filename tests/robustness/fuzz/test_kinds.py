@@ -11,7 +11,7 @@ from tests.robustness.fuzz.case import ALLOWED, Case
 from tests.robustness.fuzz.child import Runner
 from tests.robustness.fuzz.kinds import KINDS
 
-SCENES = Path(__file__).parents[4] / "scenes"
+SCENES = Path(__file__).parents[3] / "scenes"
 
 
 @pytest.fixture(scope="module")

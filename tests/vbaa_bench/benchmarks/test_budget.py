@@ -30,8 +30,7 @@ from vbaa_bench.benchmarks.budget.shares import (
 )
 from vbaa_bench.benchmarks.budget.stages import Cause, Stage, stages_of, tip_lift
 from vbaa_bench.benchmarks.budget.true_image import crossings, noisy, true_line
-from vbaa_bench.benchmarks.budget.true_world import TrueWorld, open_world
-from vbaa_bench.benchmarks.check_camera import with_nominal_board
+from vbaa_bench.benchmarks.budget.true_world import TrueWorld, open_world, with_nominal_board
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.report.budget import REMAINDER, TOTAL, read_budget
 

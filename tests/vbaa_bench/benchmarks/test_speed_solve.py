@@ -99,7 +99,7 @@ def test_whole_pushes_are_chosen_spread_evenly_in_the_order_of_their_steps() -> 
 
 
 def test_the_command_says_what_the_issue_of_speed_asks(dataset: Path) -> None:
-    line = ["speed", "solve", str(dataset), "--method", "exact_fit", "--repeats", "1"]
+    line = ["speed", str(dataset), "--method", "exact_fit", "--repeats", "1"]
     done = CliRunner().invoke(cli.app, [*line, "--no-first-ever", "--json"])
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from results.mechanics.reference import BEAM
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods import METHODS
 from vbaa_bench import cli
 from vbaa_bench.benchmarks import stability
-from vbaa_bench.benchmarks.reference import BEAM
 from vbaa_bench.benchmarks.stability import (
     DEFLECTIONS,
     PIXEL,

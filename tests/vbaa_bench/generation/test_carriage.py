@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from results.outline.true_outline import TrueOutline, evenly
 from solver.instrument.transforms import apply, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from tests.conftest import SMALL_SCENE
 from tests.consistency import MOST_SIGMAS
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.benchmarks.outline.true_outline import TrueOutline, evenly
 from vbaa_bench.generation.columns import TRUTH
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row

@@ -11,9 +11,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_banded
 
+from results.render_speed.image_error import Line, beam_line
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed
-from vbaa_bench.benchmarks.image_error import Line, beam_line
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.loading import load

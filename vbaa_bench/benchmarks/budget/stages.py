@@ -13,8 +13,7 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.camera import Camera
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
-from vbaa_bench.benchmarks.budget.true_world import TrueWorld
-from vbaa_bench.benchmarks.check_camera import with_nominal_board
+from vbaa_bench.benchmarks.budget.true_world import TrueWorld, with_nominal_board
 
 # Terms of `solver.at_rest.pose.Rest`: a line and a bow of the powers 2 to 4.
 _TERMS: Final = 5

@@ -12,7 +12,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.image_frame import Readings
-from solver.instrument.transforms import apply, rigid
+from solver.instrument.transforms import apply, invert, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.dataset.layout import Layout
@@ -122,3 +122,13 @@ def open_world(layout: Layout) -> TrueWorld:
     truth = open_truth(layout.truth)
     scene = recorded_scene(truth.manifest["scene"], layout.root).scene
     return TrueWorld(truth, scene, true_rig(scene))
+
+
+def with_nominal_board(rig: TrueRig, antenna_from_board: Floats) -> Camera:
+    """Return the true camera relative to the board, assumed at its nominal pose.
+
+    The board's displacement is the laboratory's error, with a tolerance of its own.
+    """
+    true = rig.camera
+    pose = true.camera_from_antenna @ rig.antenna_from_board @ invert(antenna_from_board)
+    return replace(true, camera_from_antenna=pose)

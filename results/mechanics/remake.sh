@@ -1,0 +1,2 @@
+# Equilibria per second on one core, and their errors.
+python -m results.mechanics --json > "$OUT/mechanics.json"

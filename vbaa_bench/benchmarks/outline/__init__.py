@@ -1,1 +1,0 @@
-"""Outlines of objects from pushes all around them, scored against their meshes."""
