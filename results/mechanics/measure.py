@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import Any, Final
@@ -17,7 +18,6 @@ import numpy as np
 from results.mechanics.reference import BEAM, Push, reference
 from results.mechanics.yardstick import DENSITY, yardstick
 from solver.instrument.arrays import Floats
-from solver.instrument.safe_path import PYTHON
 from solver.instrument.transforms import rigid
 from vbaa_bench.mechanics import planar, pushing
 from vbaa_bench.mechanics.contact import Obstacle
@@ -30,6 +30,7 @@ NOT_INSTALLED: Final = "not installed: pip install 'vbaa-bench[yardstick]'"
 
 # Number of times each set of states is solved; the median time counts.
 _REPEATS = 3
+_ROOT: Final = Path(__file__).parents[2]
 _ONE_THREAD = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
 Record = dict[str, Any]
@@ -38,14 +39,9 @@ Record = dict[str, Any]
 def measure_apart(yardstick_seconds: float) -> Record:
     """Run `measure` in a fresh process whose numerical libraries use one thread."""
     environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in _ONE_THREAD}
-    command = [
-        *PYTHON,
-        "-m",
-        "results.mechanics.measure",
-        str(yardstick_seconds),
-    ]
+    command = [sys.executable, "-m", "results.mechanics.measure", str(yardstick_seconds)]
     completed = subprocess.run(
-        command, env=environment, stdout=subprocess.PIPE, text=True, check=True
+        command, cwd=_ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=True
     )
     record: Record = json.loads(completed.stdout)
     return record

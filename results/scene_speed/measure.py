@@ -8,6 +8,7 @@ the code, so that a second run only measures the others.
 import json
 import os
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,10 +19,10 @@ from results.scene_speed.table import SceneSpeed, compared, csv, markdown
 from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_text
 from solver.instrument.hashes import digest
-from solver.instrument.safe_path import PYTHON
 from vbaa_bench.dataset.identity import dataset_identity
 from vbaa_bench.scene.load import load_scene
 
+_ROOT: Final = Path(__file__).parents[2]
 # One thread for every library: times are of one core.
 _ONE_THREAD: Final = {
     "OMP_NUM_THREADS": "1",
@@ -95,12 +96,13 @@ def _read(kept: Path, limit_s: float) -> Record:
 
 def measure_apart(path: Path, variant: str, limit_s: float) -> Record:
     """Measure a scene in a fresh process; if it fails, the record has the `reason`."""
-    command = [*PYTHON, "-m", scene_cost.__name__, str(path), variant]
+    command = [sys.executable, "-m", scene_cost.__name__, str(path.resolve()), variant]
     environment = {**os.environ, **_ONE_THREAD}
     try:
         with tempfile.TemporaryDirectory(prefix="vbaa-speed-") as folder:
             ended = subprocess.run(
                 [*command, folder],
+                cwd=_ROOT,
                 env=environment,
                 capture_output=True,
                 timeout=limit_s,

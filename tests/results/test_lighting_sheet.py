@@ -7,7 +7,7 @@ from vbaa_bench.generation.plan import plan
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scene.schema import Scene
 
-SCENES = sorted((Path(__file__).parents[3] / "scenes" / "lighting").glob("*.yaml"))
+SCENES = sorted((Path(__file__).parents[2] / "scenes" / "lighting").glob("*.yaml"))
 
 
 @pytest.mark.parametrize("look", LOOKS)
