@@ -1,14 +1,57 @@
-"""Descriptions of columns and keys: unit, frame of reference, meaning, and when they are null."""
+"""A column or key of a file: meaning, unit, frame of reference, type, and when it is missing.
 
+Each is declared once. The check of tables, the data dictionary, exports and the report follow from
+the declaration.
+"""
+
+from enum import Enum, StrEnum
 from typing import Final, NamedTuple
+
+import polars as pl
+
+
+class Kind(Enum):
+    """What a column holds, and how a message says so; VECTOR is a list of three numbers."""
+
+    NUMBER = "numbers"
+    INTEGER = "whole numbers"
+    TEXT = "texts"
+    FLAG = "true or false"
+    NUMBERS = "lists of numbers"
+    VECTOR = "vectors of three numbers"
+
+    @property
+    def dtype(self) -> pl.DataType:
+        """Type of the column in a table."""
+        return _DTYPES[self]
+
+
+_DTYPES: Final = {
+    Kind.NUMBER: pl.Float64(),
+    Kind.INTEGER: pl.Int64(),
+    Kind.TEXT: pl.String(),
+    Kind.FLAG: pl.Boolean(),
+    Kind.NUMBERS: pl.List(pl.Float64),
+    Kind.VECTOR: pl.List(pl.Float64),
+}
+
+
+class Presence(StrEnum):
+    """Whether a table must have a column."""
+
+    OPTIONAL = "older tables, and those of other scenes, may not have it"
+    PRESENT = "every table has it"
+    COMPLETE = "every table has it, without nulls"
 
 
 class Column(NamedTuple):
-    """Description of a column or key: its meaning, frame of reference, and when it is null."""
+    """Description of a column or key; `null` says when it is null, and is empty for never."""
 
     meaning: str
     frame: str = ""
     null: str = ""
+    kind: Kind = Kind.NUMBER
+    presence: Presence = Presence.OPTIONAL
 
 
 # Longest suffix first. A name without one of them is a number without unit or a text.

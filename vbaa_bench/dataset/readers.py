@@ -13,13 +13,13 @@ from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, MEND, listed, read_bytes, read_hashes
+from vbaa_bench.dataset.columns import CENTRELINE, TRUTH_SCHEMA
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.manifest_schema import checked_manifest
 from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.schema import SCHEMA, migrated_frames, migrated_manifest, version_of
 from vbaa_bench.dataset.table_schema import check_unique, checked
-from vbaa_bench.dataset.truth_schema import CENTRELINE, TRUTH
 
 # Threads that read shards. Chosen: more are not faster, and each holds one shard in memory.
 _THREADS: Final = 4
@@ -132,7 +132,7 @@ def read_shard(truth: Truth, number: int, *, centrelines: bool = True) -> pl.Dat
 
 def _checked(frames: pl.DataFrame, version: int, source: Path) -> pl.DataFrame:
     """Migrate frames of a version, and check their columns and names. Raises InputError."""
-    frames = checked(migrated_frames(frames, version), TRUTH, str(source))
+    frames = checked(migrated_frames(frames, version), TRUTH_SCHEMA, str(source))
     check_unique(frames, "frame_id", str(source))
     return frames
 
@@ -157,7 +157,7 @@ def read_rows(shard: Path, frame_ids: Sequence[str]) -> list[dict[str, Any]]:
     Raises InputError if the shard cannot be read.
     """
     path = shard / "truth.parquet"
-    table = checked(_table(path, centrelines=True), TRUTH, str(path))
+    table = checked(_table(path, centrelines=True), TRUTH_SCHEMA, str(path))
     rows = table.filter(pl.col("frame_id").is_in(frame_ids)).to_dicts()
     for row in rows:
         lines = [np.array(row.get(axis) or (), dtype=float) for axis in CENTRELINE]
@@ -170,7 +170,7 @@ def read_rows(shard: Path, frame_ids: Sequence[str]) -> list[dict[str, Any]]:
 def _table(path: Path, centrelines: bool) -> pl.DataFrame:
     left_out = () if centrelines else ("centreline_",)
     return read_parquet(
-        path, read_bytes(path), lambda name: not name.startswith(left_out), schema=TRUTH
+        path, read_bytes(path), lambda name: not name.startswith(left_out), schema=TRUTH_SCHEMA
     )
 
 

@@ -10,39 +10,40 @@ from typing import Final, NamedTuple
 import polars as pl
 
 from solver.instrument.errors import InputError, quoted, truncated
+from vbaa_bench.dataset.column import Column, Kind, Presence
 
-NUMBER: Final = pl.Float64()
-INTEGER: Final = pl.Int64()
-TEXT: Final = pl.String()
-FLAG: Final = pl.Boolean()
-NUMBERS: Final = pl.List(pl.Float64)
 # Largest number. Chosen: far beyond all results, of which sums of squares then do not overflow; a
 # number of single precision holds it.
 LARGEST: Final = 1e30
-_WORDS: Final = {
-    NUMBER: "numbers",
-    INTEGER: "whole numbers",
-    TEXT: "texts",
-    FLAG: "true or false",
-    NUMBERS: "lists of numbers",
-}
 
 
 class Schema(NamedTuple):
-    """Types of the known columns; `present` must exist, and `required` also have no nulls.
+    """Kinds of the known columns; `present` must exist, and `required` also have no nulls.
 
-    Columns in `vectors` hold three numbers or null. Numbers of these and of the columns in `finite`
-    are at most LARGEST, and not NaN.
-    Those in `positive` are at least 1 / LARGEST. Columns in `together` are null in the same rows.
+    Numbers of vectors and of the columns in `finite` are at most LARGEST, and not NaN. Those in
+    `positive` are at least 1 / LARGEST. Columns in `together` are null in the same rows.
     """
 
-    types: Mapping[str, pl.DataType]
+    kinds: Mapping[str, Kind]
     required: Collection[str]
     present: Collection[str] = ()
-    vectors: Collection[str] = ()
     finite: Collection[str] = ()
     positive: Collection[str] = ()
     together: Sequence[str] = ()
+
+
+def schema_of(columns: Mapping[str, Column]) -> Schema:
+    """Make the schema of columns as they are declared; names with * stand for others."""
+    named = {name: column for name, column in columns.items() if "*" not in name}
+
+    def having(presence: Presence) -> list[str]:
+        return [name for name, column in named.items() if column.presence is presence]
+
+    return Schema(
+        {name: column.kind for name, column in named.items()},
+        having(Presence.COMPLETE),
+        having(Presence.PRESENT),
+    )
 
 
 def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
@@ -54,9 +55,9 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
         if table[name].null_count():
             raise InputError(f"{source}: {name} is missing in a row")
     check_types(table.schema, schema, source)
-    known = {name: dtype for name, dtype in schema.types.items() if name in table.columns}
+    known = {name: kind for name, kind in schema.kinds.items() if name in table.columns}
     try:
-        table = table.with_columns(pl.col(name).cast(dtype) for name, dtype in known.items())
+        table = table.with_columns(pl.col(name).cast(kind.dtype) for name, kind in known.items())
     except pl.exceptions.PolarsError as error:
         reason = truncated(str(error).splitlines()[0])
         raise InputError(f"{source}: a column has values of a wrong type ({reason})") from error
@@ -74,15 +75,16 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
 
 def check_types(dtypes: Mapping[str, pl.DataType], schema: Schema, source: str) -> None:
     """Check the types of a table's columns, which may not be read yet. Raises InputError."""
-    for name, dtype in schema.types.items():
-        if name in dtypes and not _castable(dtypes[name], dtype):
+    for name, kind in schema.kinds.items():
+        if name in dtypes and not _castable(dtypes[name], kind):
             held = truncated(str(dtypes[name]))
-            raise InputError(f"{source}: {name} holds {held}, allowed are {_WORDS[dtype]}")
+            raise InputError(f"{source}: {name} holds {held}, allowed are {kind.value}")
 
 
 def _faults(columns: Collection[str], schema: Schema) -> Iterator[tuple[str, pl.Expr]]:
     """Yield each fault that the numbers of a table may have, and the test for it."""
-    for name in [name for name in schema.types if name in columns and name in schema.vectors]:
+    vectors_of = [name for name, kind in schema.kinds.items() if kind is Kind.VECTOR]
+    for name in [name for name in vectors_of if name in columns]:
         vectors = pl.col(name).drop_nulls()
         is_vector = (vectors.list.len() == 3).all() & _all_finite(vectors.explode(), null=False)
         yield f"{name} is not a vector of three numbers in a row", ~is_vector
@@ -101,15 +103,15 @@ def _all_finite(numbers: pl.Expr, *, null: bool) -> pl.Expr:
     return (numbers.abs() <= LARGEST).fill_null(value=null).all()
 
 
-def _castable(dtype: pl.DataType, wanted: pl.DataType) -> bool:
+def _castable(dtype: pl.DataType, wanted: Kind) -> bool:
     """Test whether a column may be cast: no text to numbers, no numbers to texts."""
-    if dtype in (pl.Null(), wanted):
+    if dtype in (pl.Null(), wanted.dtype):
         return True
-    if wanted in (NUMBER, INTEGER):
-        return dtype.is_integer() or (wanted == NUMBER and dtype.is_float())
-    if wanted == TEXT:
+    if wanted in (Kind.NUMBER, Kind.INTEGER):
+        return dtype.is_integer() or (wanted is Kind.NUMBER and dtype.is_float())
+    if wanted is Kind.TEXT:
         return dtype in (pl.Categorical, pl.Enum)
-    if wanted == NUMBERS and isinstance(dtype, pl.List):
+    if wanted in (Kind.NUMBERS, Kind.VECTOR) and isinstance(dtype, pl.List):
         inner = dtype.inner
         return inner == pl.Null or inner in (pl.Float32, pl.Float64, pl.Int64)
     return False

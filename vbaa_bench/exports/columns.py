@@ -7,9 +7,8 @@ from typing import Final
 import polars as pl
 
 from solver.instrument.errors import InputError
-from vbaa_bench.dataset import truth_schema
-from vbaa_bench.dataset.column import Column
-from vbaa_bench.generation.columns import JOINED, READINGS, TRUTH
+from vbaa_bench.dataset.column import Column, Kind
+from vbaa_bench.dataset.columns import JOINED, READINGS, TRUTH
 
 CENTRELINE: Final = "centreline_"
 # Columns that are added to those of metadata.csv and truth.parquet. `shard` is not exported.
@@ -18,7 +17,7 @@ PLACE: Final = {
     "split": Column("part of the set for training or testing; train if there are no splits"),
 }
 SHARD: Final = "shard"
-VECTORS: Final = frozenset(truth_schema.TRUTH.vectors)
+VECTORS: Final = frozenset(name for name, one in TRUTH.items() if one.kind is Kind.VECTOR)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import polars as pl
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import sha256, write_text
 from solver.instrument.hashes import HASHES, read_hashes
+from vbaa_bench.dataset.columns import READINGS
 from vbaa_bench.exports.columns import PLACE
 from vbaa_bench.exports.croissant_document import (
     Node,
@@ -30,7 +31,6 @@ from vbaa_bench.exports.croissant_document import (
 )
 from vbaa_bench.exports.croissant_task import task
 from vbaa_bench.exports.source import Source, open_source
-from vbaa_bench.generation.columns import READINGS
 
 DOCUMENT: Final = "croissant.json"
 _TASK: Final = "croissant_task.json"

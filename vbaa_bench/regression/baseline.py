@@ -15,9 +15,10 @@ from pydantic import Field
 
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.files import write_text
+from vbaa_bench.dataset.column import Kind
 from vbaa_bench.dataset.document import Document, Figure, check_document
 from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.table_schema import INTEGER, NUMBER, TEXT, Schema, checked
+from vbaa_bench.dataset.table_schema import Schema, checked
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.regression.scored_run import PARAMETERS, PLACE, RESULTS, TEXTS, ScoredRun
 from vbaa_bench.regression.typical import of_push, of_set
@@ -98,11 +99,11 @@ def read_baseline(path: Path) -> Baseline:
         tables = [
             pl.DataFrame(
                 {**baseline.frames, **dict.fromkeys(RESULTS), **values, "method": name},
-                schema_overrides=_TYPES,
+                schema_overrides={name: kind.dtype for name, kind in _KINDS.items()},
             )
             for name, values in baseline.methods.items()
         ]
-        frames = pl.concat([table.select(list(_TYPES)) for table in tables])
+        frames = pl.concat([table.select(list(_KINDS)) for table in tables])
     except (TypeError, ValueError, OverflowError, pl.exceptions.PolarsError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is not a baseline ({truncated(reason)})") from error
@@ -149,14 +150,14 @@ def versions(baseline: Baseline) -> list[Version]:
     return listed
 
 
-_TYPES: Final = {
-    name: INTEGER if name in _INTEGERS else TEXT if name in _STRINGS else NUMBER
+_KINDS: Final = {
+    name: Kind.INTEGER if name in _INTEGERS else Kind.TEXT if name in _STRINGS else Kind.NUMBER
     for name in (*PLACE, *PARAMETERS, *RESULTS)
-} | {"method": TEXT}
+} | {"method": Kind.TEXT}
 _SCHEMA: Final = Schema(
-    _TYPES,
+    _KINDS,
     required=(*PLACE, "push", "method"),
-    finite=[name for name, dtype in _TYPES.items() if dtype == NUMBER],
+    finite=[name for name, kind in _KINDS.items() if kind is Kind.NUMBER],
 )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from vbaa_bench.dataset.column import Column, unit
-from vbaa_bench.generation.columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
+from vbaa_bench.dataset.columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
 from vbaa_bench.scoring.columns import FACTORS, LIMITS, PREDICTIONS, SCORES, STRATA_TABLE
 
 

@@ -1,13 +1,16 @@
 """Columns of predictions, scores and the table of factors."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from solver.instrument.quantities import QUANTITIES
-from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column
-from vbaa_bench.generation.columns import JOINED, TRUTH
+from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column, Kind, Presence
+from vbaa_bench.dataset.columns import JOINED, TRUTH
+from vbaa_bench.dataset.table_schema import schema_of
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.factors import PREFIX
 from vbaa_bench.scoring.parameters import RATIOS
+from vbaa_bench.scoring.percentages import FAILED, PERCENTAGES
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
     LIMITED,
@@ -17,7 +20,6 @@ from vbaa_bench.scoring.scored_quantities import (
 )
 
 _NOT_ESTIMATED: Final = "the method does not estimate it in this frame"
-_FAILED: Final = "the frame has failed, or the method does not estimate it"
 # A uniform beam and one contact without friction.
 _SIMPLE: Final = "with the simple model"
 _HOLDS: Final = "the limits were not computed, or the simple model holds"
@@ -74,12 +76,13 @@ def _quantities() -> dict[str, Column]:
 # Made by the solver, see solver/lab/table.py, with the time of the reference kernel.
 PREDICTIONS: Final = {
     "frame_id": JOINED["frame_id"],
-    "outcome": Column("outcome of the estimate, see solver/README.md"),
-    "message": Column("the reason for the outcome, as a sentence"),
+    "outcome": Column("outcome of the estimate, see solver/README.md", kind=Kind.TEXT),
+    "message": Column("the reason for the outcome, as a sentence", kind=Kind.TEXT),
     "assumption": Column(
         "assumption that the image contradicts, one of those in the description of the format",
         "",
         "the outcome names none",
+        kind=Kind.TEXT,
     ),
     **_quantities(),
     "x_c_force_correlation": Column("stated correlation of x_c_mm and force_n", "", _NOT_ESTIMATED),
@@ -110,10 +113,10 @@ def _truths_and_errors() -> dict[str, Column]:
         estimate = PREDICTIONS[quantity.column]
         columns[quantity.truth] = Column(f"true value of {quantity.column}", estimate.frame, FREE)
         columns[quantity.error] = Column(
-            f"{quantity.column} minus its true value", estimate.frame, _FAILED
+            f"{quantity.column} minus its true value", estimate.frame, FAILED
         )
         columns[quantity.in_sigmas] = Column(
-            f"this error over the stated standard deviation of {quantity.column}", "", _FAILED
+            f"this error over the stated standard deviation of {quantity.column}", "", FAILED
         )
     for quantity in LIMITED:
         columns[quantity.limit] = Column(
@@ -125,17 +128,26 @@ def _truths_and_errors() -> dict[str, Column]:
         columns[name] = columns[name]._replace(null="the object does not have it")
     # The motor always has an angle.
     columns["true_motor_angle_deg"] = TRUTH["true_motor_angle_deg"]
-    for name, unit, true in VECTORS:
-        columns[f"{name}_vector_error_{unit}"] = Column(
-            f"norm of the error of {true}", TRUTH[true].frame, _FAILED
-        )
     return columns
+
+
+def _vector_errors() -> dict[str, Column]:
+    return {
+        f"{name}_vector_error_{unit}": Column(
+            f"norm of the error of {true}", TRUTH[true].frame, FAILED
+        )
+        for name, unit, true in VECTORS
+    }
 
 
 def _limits() -> dict[str, Column]:
     columns = {
         "frame_id": JOINED["frame_id"],
-        "information": Column("information set: planar, learned, image, moment, force or push"),
+        "information": Column(
+            "information set: planar, learned, image, moment, force or push",
+            kind=Kind.TEXT,
+            presence=Presence.COMPLETE,
+        ),
     }
     for quantity in LIMITED:
         described = PREDICTIONS[quantity.column]
@@ -143,6 +155,7 @@ def _limits() -> dict[str, Column]:
             f"least standard deviation of {quantity.column} without bias (Cramer and Rao)",
             described.frame,
             "these data do not determine it",
+            presence=Presence.PRESENT,
         )
     for kind, meaning in (("bias", "bias"), ("sigma", "standard deviation")):
         for name, unit in (("x_c", "mm"), ("s_c", "mm"), ("force", "n"), ("psi", "deg")):
@@ -150,60 +163,109 @@ def _limits() -> dict[str, Column]:
                 f"{meaning} of {name}_{unit} {_SIMPLE} (White 1982)",
                 PREDICTIONS[f"{name}_{unit}"].frame,
                 "this model holds, or it does not fit",
+                presence=Presence.PRESENT if name in ("x_c", "force") else Presence.OPTIONAL,
             )
     return columns
 
 
 LIMITS: Final = _limits()
+LIMIT_SCHEMA: Final = schema_of(LIMITS)
+
+
+def _having(presence: Presence, columns: Mapping[str, Column]) -> dict[str, Column]:
+    return {name: column._replace(presence=presence) for name, column in columns.items()}
+
 
 SCORES: Final = {
     "frame_id": JOINED["frame_id"],
-    **{name: TRUTH[name] for name in CONDITIONS},
-    **{name: PREDICTIONS[name] for name in (*NUMBERS, "outcome", "message", "assumption")},
-    **_truths_and_errors(),
+    **_having(Presence.PRESENT, {name: TRUTH[name] for name in CONDITIONS}),
+    **_having(Presence.COMPLETE, {name: TRUTH[name] for name in ("push", "push_id", "step")}),
+    **_having(Presence.PRESENT, {name: PREDICTIONS[name] for name in NUMBERS}),
+    # Runs of older versions have no reference time: their times are not compared.
+    "reference_ms": PREDICTIONS["reference_ms"],
+    "outcome": PREDICTIONS["outcome"]._replace(presence=Presence.COMPLETE),
+    "message": PREDICTIONS["message"]._replace(presence=Presence.PRESENT),
+    "assumption": PREDICTIONS["assumption"],
+    **_having(Presence.PRESENT, _truths_and_errors()),
+    **_vector_errors(),
     "x_c_simple_rms_mm": Column(f"least RMS of errors of x_c {_SIMPLE}", SIGMA_D, _HOLDS),
     "force_simple_rms_n": Column(f"least RMS of errors of force_n {_SIMPLE}", SIGMA_A, _HOLDS),
-    "x_c_error_pct_L": Column("error of x_c", SIGMA_D, _FAILED),
-    "x_c_limit_pct_L": Column("information limit of x_c", SIGMA_D, "there is no limit"),
-    "s_c_error_pct_L": Column("error of s_c", "along the beam", _FAILED),
-    "force_error_pct": Column("error of force_n, relative to its true value", "", _FAILED),
-    "f_error_pct": Column("error of f_n, relative to its true value", SIGMA_D, _FAILED),
-    "second_s_c_error_pct_L": Column("error of second_s_c", "along the beam", _FAILED),
-    "second_force_error_pct": Column(
-        "error of second_force_n, relative to its true value", "", _FAILED
+    **{name: one.column for name, one in PERCENTAGES.items()},
+    "deflection_class": Column(
+        "class of deflection_pct", kind=Kind.TEXT, presence=Presence.COMPLETE
     ),
-    "compliance_error_pct": Column(
-        "error of the compliance, relative to its true value",
-        "",
-        f"the object is rigid, or {_FAILED}",
+    "contact_distance_class": Column(
+        "class of the true contact distance in % of L", kind=Kind.TEXT, presence=Presence.COMPLETE
     ),
-    "deflection_class": Column("class of deflection_pct"),
-    "contact_distance_class": Column("class of the true contact distance in % of L"),
-    "availability_class": Column("class of the availability ratio (eq. 32)"),
-    "psi_class": Column("class of the absolute true psi"),
-    "light": Column("kind of the first light"),
-    "noise_class": Column("class of a pixel's noise, in % of the beam's peak"),
-    "scene": Column("title of the scene"),
+    "availability_class": Column(
+        "class of the availability ratio (eq. 32)", kind=Kind.TEXT, presence=Presence.COMPLETE
+    ),
+    "psi_class": Column(
+        "class of the absolute true psi", kind=Kind.TEXT, presence=Presence.COMPLETE
+    ),
+    "light": Column("kind of the first light", kind=Kind.TEXT, presence=Presence.COMPLETE),
+    "noise_class": Column(
+        "class of a pixel's noise, in % of the beam's peak",
+        kind=Kind.TEXT,
+        presence=Presence.COMPLETE,
+    ),
+    "scene": Column("title of the scene", kind=Kind.TEXT, presence=Presence.COMPLETE),
     "information": Column(
-        "information set of the limits: planar, learned, image, moment, force or push"
+        "information set of the limits: planar, learned, image, moment, force or push",
+        kind=Kind.TEXT,
+        presence=Presence.COMPLETE,
     ),
-    "true_state": Column("contact, no contact, or the first reason for which a refusal is right"),
-    "snr": Column("signal-to-noise ratio of the bend in the image"),
-    "method": Column("method, with its centreline after @ if it is not the default"),
-    "last_step": Column("whether this is the last step of its push"),
-    "free": Column("whether nothing is touched"),
-    "failed": Column("whether required values are missing or the outcome is wrong"),
-    "crashed": Column("whether the method crashed or has no prediction"),
-    "refused": Column("whether the outcome states no values, although something is touched"),
-    "rightly_refused": Column("whether this refusal, and the assumption that it names, is right"),
-    "consistent": Column("whether x_c is within three stated sigmas, or a refusal is right"),
-    "rig": Column("number of the rig; absent for a single dataset"),
+    "true_state": Column(
+        "contact, no contact, or the first reason for which a refusal is right",
+        kind=Kind.TEXT,
+        presence=Presence.COMPLETE,
+    ),
+    "snr": Column("signal-to-noise ratio of the bend in the image", presence=Presence.PRESENT),
+    "method": Column(
+        "method, with its centreline after @ if it is not the default",
+        kind=Kind.TEXT,
+        presence=Presence.COMPLETE,
+    ),
+    "last_step": Column(
+        "whether this is the last step of its push", kind=Kind.FLAG, presence=Presence.COMPLETE
+    ),
+    "free": Column("whether nothing is touched", kind=Kind.FLAG, presence=Presence.COMPLETE),
+    "failed": Column(
+        "whether required values are missing or the outcome is wrong",
+        kind=Kind.FLAG,
+        presence=Presence.COMPLETE,
+    ),
+    "crashed": Column(
+        "whether the method crashed or has no prediction",
+        kind=Kind.FLAG,
+        presence=Presence.COMPLETE,
+    ),
+    "refused": Column(
+        "whether the outcome states no values, although something is touched",
+        kind=Kind.FLAG,
+        presence=Presence.COMPLETE,
+    ),
+    "rightly_refused": Column(
+        "whether this refusal, and the assumption that it names, is right",
+        kind=Kind.FLAG,
+        presence=Presence.COMPLETE,
+    ),
+    "consistent": Column(
+        "whether x_c is within three stated sigmas, or a refusal is right",
+        kind=Kind.FLAG,
+        presence=Presence.COMPLETE,
+    ),
+    "rig": Column("number of the rig; absent for a single dataset", kind=Kind.INTEGER),
     f"{PREFIX}*": Column(
         "value of a factor in which rigs or frames differ; absent for a single dataset",
         "",
         "the rig has no such value",
     ),
 }
+
+SCORE_SCHEMA: Final = schema_of(SCORES)._replace(
+    positive=tuple(quantity.limit for quantity in LIMITED)
+)
 
 # Columns of strata.csv. Its figures are in the unit of the row's quantity.
 _NO_ANSWER: Final = "no sigma is stated, or no limit was computed"

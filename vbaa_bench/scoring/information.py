@@ -7,7 +7,8 @@ import polars as pl
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.derived import LIMITS, read_limits
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.table_schema import LARGEST, NUMBER, TEXT, Schema, checked
+from vbaa_bench.dataset.table_schema import LARGEST, checked
+from vbaa_bench.scoring.columns import LIMIT_SCHEMA
 from vbaa_bench.scoring.scored_quantities import LIMITED
 
 # The set of each method of the solver. Others use "image", unless they declare another one.
@@ -33,15 +34,6 @@ SIMPLE: Final = {
     "force_simple_rms_n": ("force_simple_bias_n", "force_simple_sigma_n"),
 }
 _KEYS: Final = ("frame_id", "information")
-_NUMBERS: Final = (
-    *(quantity.limit for quantity in LIMITED),
-    *(name for pair in SIMPLE.values() for name in pair),
-)
-_TABLE: Final = Schema(
-    types={**dict.fromkeys(_KEYS, TEXT), **dict.fromkeys(_NUMBERS, NUMBER)},
-    required=_KEYS,
-    present=_NUMBERS,
-)
 # Methods that use a moment sensor where there is one.
 _WITH_SENSOR: Final = ("exact_fit_3d",)
 
@@ -62,7 +54,7 @@ def scored_limits(layout: Layout) -> pl.DataFrame | None:
     limits, source = read_limits(layout), str(layout.derived / LIMITS)
     if limits is None:
         return None
-    table = checked(limits, _TABLE, source)
+    table = checked(limits, LIMIT_SCHEMA, source)
     if table.select(_KEYS).is_duplicated().any():
         raise InputError(f"{source}: a frame has two rows of one information set, allowed is one")
     return table

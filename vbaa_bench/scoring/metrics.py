@@ -17,6 +17,7 @@ from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import information_of, with_limits
 from vbaa_bench.scoring.information_sets import check_information
+from vbaa_bench.scoring.percentages import PERCENTAGES
 from vbaa_bench.scoring.refusals import right_refusals, rightly_refused
 from vbaa_bench.scoring.scene_values import object_radius, scene_value
 from vbaa_bench.scoring.scored_quantities import (
@@ -193,12 +194,13 @@ def score_frames(
     within_3_sigma = (pl.col("x_c_error_mm").abs() <= 3 * pl.col("x_c_sigma_mm")).fill_null(
         value=False
     )
+    length = truth.manifest["true_rig"]["beam_length_mm"]
     return scored.with_columns(
         *(_in_sigmas(quantity) for quantity in _QUANTITIES),
         (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | within_3_sigma).alias(
             "consistent"
         ),
-        *_percentages(truth.manifest["true_rig"]["beam_length_mm"]),
+        *(one.value(length).alias(name) for name, one in PERCENTAGES.items()),
         *(_vector_error(*vector) for vector in VECTORS),
     ).drop("may_say", "violated")
 
@@ -268,29 +270,6 @@ def _in_sigmas(quantity: ScoredQuantity) -> pl.Expr:
     # A sigma may be so small that the ratio is infinite.
     ratio = pl.col(quantity.error) / pl.col(quantity.sigma)
     return ratio.clip(-LARGEST, LARGEST).alias(quantity.in_sigmas)
-
-
-def _percentages(length_mm: float) -> list[pl.Expr]:
-    """Make the expressions of the errors, and of the limit of x_c, in per cent."""
-    spring = pl.col("k_s_n_m").is_not_null()
-    return [
-        (100 * pl.col("x_c_error_mm") / length_mm).alias("x_c_error_pct_L"),
-        (100 * pl.col("x_c_limit_mm") / length_mm).alias("x_c_limit_pct_L"),
-        (100 * pl.col("s_c_error_mm") / length_mm).alias("s_c_error_pct_L"),
-        _relative("force_error_n", "true_force_n").alias("force_error_pct"),
-        _relative("f_error_n", "true_f_n").alias("f_error_pct"),
-        (100 * pl.col("second_s_c_error_mm") / length_mm).alias("second_s_c_error_pct_L"),
-        _relative("second_force_error_n", "true_second_force_n").alias("second_force_error_pct"),
-        pl.when(spring)
-        .then(_relative("compliance_error_mm_per_n", "true_compliance_mm_per_n"))
-        .alias("compliance_error_pct"),
-    ]
-
-
-def _relative(error: str, true: str) -> pl.Expr:
-    """Make the expression of an error relative to its true value [%]; null if this is zero."""
-    ratio = 100 * pl.col(error) / pl.col(true)
-    return pl.when(pl.col(true) != 0).then(ratio.clip(-LARGEST, LARGEST))
 
 
 def _vector_error(name: str, unit: str, true: str) -> pl.Expr:

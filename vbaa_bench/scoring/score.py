@@ -17,6 +17,7 @@ from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
 from vbaa_bench.dataset.table_schema import checked
+from vbaa_bench.scoring.columns import SCORE_SCHEMA
 from vbaa_bench.scoring.information import scored_limits
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import (
@@ -28,7 +29,6 @@ from vbaa_bench.scoring.metrics import (
 )
 from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
-from vbaa_bench.scoring.score_schema import SCORES
 from vbaa_bench.scoring.summary import summarise
 
 # Chosen: a CSV of more rows exceeds 100 MB, and no spreadsheet opens it.
@@ -136,11 +136,13 @@ def read_scores(results: Results) -> pl.DataFrame:
     if not exists(table):
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
     try:
-        scores = read_parquet(table, read_bytes(table), max_values=MAX_SCORED_VALUES, schema=SCORES)
+        scores = read_parquet(
+            table, read_bytes(table), max_values=MAX_SCORED_VALUES, schema=SCORE_SCHEMA
+        )
         if scores.is_empty():
             raise InputError(f"{table}: has no rows")
         numbers = [name for name, dtype in scores.schema.items() if dtype.is_float()]
-        return checked(scores, SCORES._replace(finite=numbers), str(table))
+        return checked(scores, SCORE_SCHEMA._replace(finite=numbers), str(table))
     except DamageError:
         raise
     except InputError as error:

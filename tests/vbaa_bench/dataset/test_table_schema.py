@@ -7,23 +7,20 @@ import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
+from vbaa_bench.dataset.column import Kind
 from vbaa_bench.dataset.parquet import read_parquet
-from vbaa_bench.dataset.table_schema import (
-    FLAG,
-    INTEGER,
-    NUMBER,
-    NUMBERS,
-    TEXT,
-    Schema,
-    check_unique,
-    checked,
-)
+from vbaa_bench.dataset.table_schema import Schema, check_unique, checked
 
 SCHEMA = Schema(
-    types={"name": TEXT, "step": INTEGER, "x": NUMBER, "force": NUMBERS, "hit": FLAG},
+    kinds={
+        "name": Kind.TEXT,
+        "step": Kind.INTEGER,
+        "x": Kind.NUMBER,
+        "force": Kind.VECTOR,
+        "hit": Kind.FLAG,
+    },
     required=("name",),
     present=("x",),
-    vectors=("force",),
     finite=("x",),
     together=("x", "force"),
 )
@@ -35,7 +32,11 @@ def test_columns_without_values_get_their_types_and_others_are_kept() -> None:
         x=pl.lit(None), force=pl.lit(None), step=pl.lit(3, pl.UInt8), extra=pl.lit(b"x")
     )
     types = checked(table, SCHEMA, "t").schema
-    assert [types[name] for name in ("x", "step", "extra")] == [NUMBER, INTEGER, pl.Binary()]
+    assert [types[name] for name in ("x", "step", "extra")] == [
+        pl.Float64(),
+        pl.Int64(),
+        pl.Binary(),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +55,7 @@ def test_columns_without_values_get_their_types_and_others_are_kept() -> None:
         (TABLE.with_columns(x=pl.lit(-1e31)), r"t: x is not finite, or above 1e\+30, in a row"),
         (
             TABLE.with_columns(force=pl.lit(1.0)),
-            "force holds Float64, allowed are lists",
+            "force holds Float64, allowed are vectors of three numbers",
         ),
         (
             TABLE.with_columns(force=pl.lit([1.0, 2.0, 3.0])),
