@@ -1,14 +1,17 @@
 """The command line `vbaa-bench`: all commands in the order of its help, and the exit status."""
 
 import importlib.metadata
+import json
 import sys
 import warnings
-from typing import Annotated, Any, Final
+from collections.abc import Callable
+from typing import Annotated, Any, Final, NamedTuple
 
 import typer
 import typer.core
+from typer.exceptions import TyperException
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import IncompleteError, InputError
 from solver.lab.command_end import run_command
 from vbaa_bench.cli import checks, data, datasets, measure, regression, results
 from vbaa_bench.cli.export import export
@@ -47,34 +50,56 @@ class _Commands(typer.core.TyperGroup):
         return super().get_command(ctx, cmd_name)
 
 
-app = typer.Typer(
-    cls=_Commands, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False
-)
-app.command()(results.run)
-app.command()(data.preview)
-app.command()(data.plan)
-app.command()(data.generate)
-app.command()(data.merge)
-app.command()(datasets.verify)
-app.command()(export)
-app.command()(datasets.info)
-app.command()(datasets.subset)
-app.command()(limits)
-app.command()(results.solve)
-app.command()(results.score)
-app.command()(results.report)
-app.command()(view)
-app.command()(results.table)
-app.command()(results.dictionary)
-app.command()(regression.baseline)
-app.command()(regression.compare)
-app.command()(checks.check_method)
-app.command()(measure.budget)
-app.command()(measure.stability)
-app.command()(measure.stress)
-app.command()(checks.leaks)
-app.command()(checks.doctor)
-app.command()(speed)
+class _Command(NamedTuple):
+    """A command, and an example of its use, without the program's name."""
+
+    function: Callable[..., None]
+    example: str
+
+
+# The groups of the help.
+_GROUPS: Final = {
+    "Make datasets": (
+        _Command(results.run, "run scenes/quickstart.yaml"),
+        _Command(data.preview, "preview scenes/hard/friction.yaml --frame 3"),
+        _Command(data.plan, "plan scenes/fig8_rigid.yaml"),
+        _Command(data.generate, "generate scenes/random/rigs.yaml --rigs 0:20 --out runs/rigs"),
+        _Command(data.merge, "merge runs/whole runs/part_1 runs/part_2"),
+        _Command(datasets.subset, "subset runs/rigs_0 runs/few --frames 40"),
+        _Command(datasets.verify, "verify runs/quickstart --repair"),
+        _Command(export, "export runs/quickstart --to hf --out runs/quickstart_hf"),
+    ),
+    "Solve and score": (
+        _Command(results.solve, "solve runs/quickstart --method exact_fit --method mine:solve"),
+        _Command(results.score, "score runs/quickstart --predictions mine.csv"),
+        _Command(limits, "limits scenes/fig8_rigid.yaml --require x_c_pct_L=0.1"),
+        _Command(checks.check_method, "check-method mine:solve"),
+    ),
+    "Compare methods and versions": (
+        _Command(results.table, "table runs/quickstart runs/fig8_rigid --brief"),
+        _Command(regression.baseline, "baseline runs/quickstart --out quickstart.json"),
+        _Command(regression.compare, "compare runs/quickstart quickstart.json"),
+        _Command(measure.budget, "budget runs/quickstart --method exact_fit"),
+        _Command(speed, "speed runs/quickstart --method exact_fit"),
+        _Command(measure.stability, "stability"),
+        _Command(measure.stress, "stress scenes/random/rigs.yaml --rigs 10"),
+    ),
+    "Look at datasets and results": (
+        _Command(results.report, "report runs/quickstart --baseline quickstart.json"),
+        _Command(view, "view runs/quickstart --frames 0:12 --out frames.gif"),
+        _Command(datasets.info, "info runs/quickstart"),
+        _Command(results.dictionary, "dictionary"),
+        _Command(checks.leaks, "leaks runs/quickstart"),
+    ),
+    "Help": (_Command(checks.doctor, "doctor"),),
+}
+
+app = typer.Typer(cls=_Commands, no_args_is_help=True, pretty_exceptions_enable=False)
+for _group, _commands in _GROUPS.items():
+    for _one in _commands:
+        app.command(rich_help_panel=_group, epilog=f"Example: vbaa-bench {_one.example}")(
+            _one.function
+        )
 
 
 def _print_version(requested: bool) -> None:
@@ -106,6 +131,8 @@ def _run() -> None:
     # Polars warns, and the process is then killed by an illegal instruction.
     warnings.filterwarnings("error", "Missing required CPU features", RuntimeWarning)
     try:
+        if "--json" in sys.argv[1:]:
+            _with_errors_as_json()
         app()
     except RuntimeWarning as error:
         if "CPU features" not in str(error):
@@ -117,3 +144,16 @@ def _run() -> None:
     except WorkerDiedError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
+
+
+def _with_errors_as_json() -> None:
+    """Run the command; print what is wrong as one JSON object on stdout, with the same status."""
+    try:
+        status = app(standalone_mode=False)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    except (InputError, TyperException) as error:
+        text = error.format_message() if isinstance(error, TyperException) else str(error)
+        print(json.dumps({"error": text}))
+        sys.exit(1 if isinstance(error, IncompleteError) else 2)
+    sys.exit(status)

@@ -7,12 +7,15 @@ import runpy
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from solver.centreline.extractors import EXTRACTORS
 from solver.methods import METHODS
+from tests.command_line import CommandLine
 from vbaa_bench import cli
 from vbaa_bench.cli import options
 from vbaa_bench.cli.main import MOVED
@@ -87,3 +90,31 @@ def test_a_command_of_before_says_where_it_is_now() -> None:
         assert str(done.exception) == f"{name} is no command any more: use {home}"
         module = ROOT.joinpath(*home.split(",")[0].split()[2].split("."))
         assert (module / "__main__.py").is_file() or module.with_suffix(".py").is_file()
+
+
+def test_every_command_shows_an_example_with_options_that_exist() -> None:
+    group: Any = typer.main.get_command(cli.app)
+    for name, command in group.commands.items():
+        program, example, *words = command.epilog.removeprefix("Example: ").split()
+        assert (program, example) == ("vbaa-bench", name)
+        known = {option for one in command.params for option in one.opts}
+        assert {word for word in words if word.startswith("-")} <= known, name
+        scenes = [word for word in words if word.startswith("scenes/")]
+        assert all((ROOT / scene).is_file() for scene in scenes), name
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["info", "nowhere"], "nowhere: is not a dataset"),
+        (["generate", "x.yaml", "--frames", "0"], "--frames"),
+        (["infos"], "Did you mean 'info'?"),
+        (["table"], "Missing argument"),
+    ],
+)
+def test_what_is_wrong_is_one_json_object_for_a_script(
+    words: list[str], said: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ended = CommandLine(cli.main, capfd)(*words, "--json")
+    assert (ended.status, ended.err) == (2, "")
+    assert said in json.loads(ended.out)["error"]
