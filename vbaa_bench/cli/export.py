@@ -20,7 +20,6 @@ class FormatName(StrEnum):
     HF = "hf"
     WEBDATASET = "webdataset"
     LEROBOT = "lerobot"
-    BOP = "bop"
     CSV = "csv"
     CROISSANT = "croissant"
 

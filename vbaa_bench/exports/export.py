@@ -8,7 +8,6 @@ from typing import Final
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes, write_text
 from solver.instrument.hashes import read_bytes
-from vbaa_bench.exports.bop import Bop
 from vbaa_bench.exports.card import card
 from vbaa_bench.exports.check import differences
 from vbaa_bench.exports.flat_csv import FlatCsv
@@ -24,7 +23,6 @@ FORMATS: Final[dict[str, type[Format]]] = {
     "hf": HuggingFace,
     "webdataset": WebDataset,
     "lerobot": LeRobot,
-    "bop": Bop,
     "csv": FlatCsv,
 }
 # Version of the layouts. Raise it when one changes, so that an interrupted export begins again.

@@ -19,13 +19,12 @@ class Cut:
     """Rule for cutting a split into parts: limits, and what stays together.
 
     With `whole_pushes`, frames are ordered by push and step, and a push is never cut: one that is
-    larger than the limits is a part of its own. With `one_rig`, a part has frames of one rig.
+    larger than the limits is a part of its own.
     """
 
     most_bytes: int
     most_frames: int = 1_000_000
     whole_pushes: bool = False
-    one_rig: bool = False
 
 
 class Frame(NamedTuple):
@@ -89,9 +88,6 @@ def _tables(source: Source, split: str, cut: Cut) -> Iterator[pl.DataFrame]:
                 pending, begin, size, frames = [], end, 0, 0
             end, size, frames = end + unit.rows, size + unit.size, frames + unit.rows
         pending.append(table[begin:end])
-        if cut.one_rig:
-            yield pl.concat(pending)
-            pending, size, frames = [], 0, 0
     if pending:
         yield pl.concat(pending)
 

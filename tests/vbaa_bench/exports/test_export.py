@@ -17,8 +17,6 @@ from tests.vbaa_bench.exports.test_formats import SMALL_FILE, exported
 from tests.vbaa_bench.exports.written import Size, write_dataset
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.exports import lerobot
-from vbaa_bench.exports.bop import Bop
-from vbaa_bench.exports.bop_poses import poses
 from vbaa_bench.exports.check import same_value
 from vbaa_bench.exports.export import FORMATS
 from vbaa_bench.exports.flat_csv import FlatCsv
@@ -26,7 +24,6 @@ from vbaa_bench.exports.hugging_face import HuggingFace
 from vbaa_bench.exports.lerobot_stats import combined, value_stats
 from vbaa_bench.exports.output import Record
 from vbaa_bench.exports.parts import Part
-from vbaa_bench.exports.rig import Rig
 from vbaa_bench.exports.source import Source, open_source
 from vbaa_bench.exports.web_dataset import WebDataset
 
@@ -49,10 +46,8 @@ def test_an_interrupted_export_continues_to_the_same_bytes(
     chosen, written = FORMATS[name], list[int]()
     write_part = chosen.write_part
     monkeypatch.setattr(chosen, "usual_cut", chosen.usual_cut)
-    if name in {"bop", "csv"}:  # these cut by number of frames
-        monkeypatch.setattr(
-            chosen, "usual_cut", type(chosen.usual_cut)(10**9, 2, one_rig=name == "bop")
-        )
+    if name == "csv":  # it cuts by the number of frames
+        monkeypatch.setattr(chosen, "usual_cut", type(chosen.usual_cut)(10**9, 2))
         whole = exported(data, name, tmp_path / "pairs")
 
     def interrupted(self: Any, folder: Path, part: Part) -> Record:
@@ -62,7 +57,7 @@ def test_an_interrupted_export_continues_to_the_same_bytes(
         return write_part(self, folder, part)
 
     monkeypatch.setattr(chosen, "write_part", interrupted)
-    most_bytes = None if name in {"bop", "csv"} else SMALL_FILE
+    most_bytes = None if name == "csv" else SMALL_FILE
     with pytest.raises(KeyboardInterrupt):
         exported(data, name, tmp_path / "out", most_bytes=most_bytes)
     assert not (tmp_path / "out").exists()
@@ -236,7 +231,7 @@ def test_swapped_images_are_named(
     exported(data, name, tmp_path / "out")  # nothing of the bad export is kept
 
 
-@pytest.mark.parametrize("kind", [HuggingFace, FlatCsv, WebDataset, Bop])
+@pytest.mark.parametrize("kind", [HuggingFace, FlatCsv, WebDataset])
 def test_changed_labels_and_missing_frames_are_named(
     tmp_path: Path, data: Path, kind: type[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -292,17 +287,6 @@ def test_shifted_offsets_are_named(
     monkeypatch.setattr(lerobot, "_episodes", shifted)
     with pytest.raises(DamageError, match="offsets are not those of the frames"):
         exported(data, "lerobot", tmp_path / "out", most_bytes=SMALL_FILE)
-
-
-def test_a_wrong_pose_is_named(tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def moved(rig: Rig, row: Any, number: int) -> list[dict[str, Any]]:
-        entries = poses(rig, row, number)
-        entries[-1]["cam_t_m2c"][2] += 0.001
-        return entries
-
-    monkeypatch.setattr("vbaa_bench.exports.bop.poses", moved)
-    with pytest.raises(DamageError, match="cam_t_m2c of the contact is not where its truth is"):
-        exported(data, "bop", tmp_path / "out")
 
 
 def test_statistics_of_parts_combine_to_those_of_all(random: np.random.Generator) -> None:

@@ -138,26 +138,6 @@ def test_lerobot_takes_the_true_angle_where_there_is_no_encoder(tmp_path: Path) 
     assert info["features"]["observation.state"]["names"] == ["moment_y_n_mm"]
 
 
-def test_bop_poses_project_the_contact(tmp_path: Path) -> None:
-    root = write_dataset(tmp_path / "data")
-    out = exported(root, "bop", tmp_path / "out")
-    scene = out / "train" / "000000"
-    truth = json.loads((scene / "scene_gt.json").read_bytes())
-    ours = json.loads((scene / "scene_vbaa.json").read_bytes())
-    assert sorted(len(poses) for poses in truth.values()) == [1, *[2] * 8]  # one frame is free
-    for image, poses in truth.items():
-        if len(poses) == 2:
-            clamp, contact = (np.array(pose["cam_t_m2c"]) for pose in poses)
-            rotation = np.reshape(poses[0]["cam_R_m2c"], (3, 3))
-            offset = np.array(ours[image]["contact_antenna_mm"]) - [0.5, 0.25, 0.0]
-            np.testing.assert_allclose(rotation @ offset + clamp, contact, atol=1e-9)
-            y = np.reshape(poses[1]["cam_R_m2c"], (3, 3))[:, 1]
-            force = np.array(ours[image]["force_antenna_n"])
-            np.testing.assert_allclose(y, rotation @ force / np.linalg.norm(force), atol=1e-12)
-    models = json.loads((out / "models" / "models_info.json").read_bytes())
-    assert models["1"]["size_x"] == 200
-
-
 def test_csv_is_flat(tmp_path: Path) -> None:
     root = write_dataset(tmp_path / "data")
     out = exported(root, "csv", tmp_path / "out")
@@ -178,15 +158,13 @@ def test_what_a_format_cannot_hold_is_refused_in_one_sentence(tmp_path: Path) ->
     with pytest.raises(InputError, match=r"images of 24 x 10 and 30 x 10 px"):
         exported(rigs, "lerobot", tmp_path / "out")
     flat = write_dataset(tmp_path / "flat", telecentric=True)
-    with pytest.raises(InputError, match="camera is telecentric"):
-        exported(flat, "bop", tmp_path / "out")
     with pytest.raises(InputError, match="leave out --centrelines"):
         exported(flat, "lerobot", tmp_path / "out", centrelines=True)
     odd = write_dataset(tmp_path / "odd", splits=["../train"])
     with pytest.raises(InputError, match=r"a split has the name '../train', allowed are letters"):
         exported(odd, "csv", tmp_path / "out")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["deep", "flat", "odd", "rigs"]
-    for size, name in ((rigs, "hf"), (rigs, "webdataset"), (rigs, "csv"), (rigs, "bop")):
+    for size, name in ((rigs, "hf"), (rigs, "webdataset"), (rigs, "csv")):
         exported(size, name, tmp_path / name)
 
 
