@@ -1,4 +1,4 @@
-"""Commands that render: preview, plan, generate, check-camera, contact-sheet, outside."""
+"""Commands that make datasets: preview, plan, generate, merge."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple

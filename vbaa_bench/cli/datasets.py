@@ -1,4 +1,4 @@
-"""Commands on existing datasets: verify, info, subset, merge."""
+"""Commands on existing datasets: verify, info, subset."""
 
 from pathlib import Path
 from typing import Annotated

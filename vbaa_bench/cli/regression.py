@@ -1,4 +1,4 @@
-"""Commands that compare results with earlier ones: baseline, compare, alarms."""
+"""Commands that compare results with earlier ones: baseline, compare."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
