@@ -1,1 +1,1 @@
-"""Measurements of the project itself: speed, stability, ordinary cameras, contact sheets."""
+"""Measurements of methods: speed, stability, errors under disturbances and their causes; leaks."""
