@@ -14,6 +14,9 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial import KDTree
 
+from results.limits.rendered import ImageChange, precise_change
+from results.limits.rendered_beam import STEP_PX
+from results.limits.rendered_profile import RenderedProfiles, rendered_profiles
 from solver.instrument.arrays import Floats
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.workers import cores
@@ -24,9 +27,6 @@ from vbaa_bench.limits.of_frame import imaged_beam
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import SHIFT, information
 from vbaa_bench.limits.quantities import QUANTITIES, SECOND, gradients
-from vbaa_bench.limits.rendered import ImageChange, precise_change
-from vbaa_bench.limits.rendered_beam import STEP_PX
-from vbaa_bench.limits.rendered_profile import RenderedProfiles, rendered_profiles
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.scene.frames import FrameSpec, frame_specs

@@ -13,14 +13,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from results.limits.agreement import LimitedFrame, LitScene
+from results.limits.rendered import ImageChange, image_change
+from results.limits.rendered_beam import SAMPLES, of_vertices
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from vbaa_bench.limits.frame_information import APPEARANCE
 from vbaa_bench.limits.image_shape import CONTACT, ImagedBeam
 from vbaa_bench.limits.quantities import QUANTITIES
-from vbaa_bench.limits.rendered import ImageChange, image_change
-from vbaa_bench.limits.rendered_beam import SAMPLES, of_vertices
 from vbaa_bench.render.tracing import trace
 
 # Samples of the expected image, relative to those of a limit.

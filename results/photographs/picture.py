@@ -8,8 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from results.photographs.develop import colour_jpeg, developed
 from results.photographs.draw import GRAVITY_M_S2, PhotoDraw, RigDraw
 from results.photographs.materials import Colour
+from results.photographs.render import photographed
+from results.pictures.outside_render import ColouredBody
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
@@ -19,8 +22,6 @@ from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.materials import Texture
-from vbaa_bench.render.outside import ColouredBody
-from vbaa_bench.render.photograph import photographed
 from vbaa_bench.render.surface import Surface
 from vbaa_bench.render.textures import gaussian_field
 from vbaa_bench.scene.frames import Frames
@@ -28,7 +29,6 @@ from vbaa_bench.scene.load import check_scene
 from vbaa_bench.scene.random_streams import random_generator, render_seed
 from vbaa_bench.scene.rigs import true_rig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.sensor.photograph import colour_jpeg, developed
 
 # Passes of four samples per pixel. Chosen: with the lens's blur and JPEG the noise is that of a
 # photograph in a room.

@@ -19,6 +19,13 @@ import numpy as np
 
 from results.render_speed.curves import TARGET, Record, at_equal_error, write
 from results.render_speed.image_error import Reference, beam_line, reference_of
+from results.render_speed.plain import (
+    SAMPLERS,
+    Plain,
+    Sampler,
+    seconds_in_kernels,
+    seconds_of_rays,
+)
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
@@ -36,13 +43,6 @@ from vbaa_bench.render.frame import (
     render_static_layer,
 )
 from vbaa_bench.render.layers import every_pixel
-from vbaa_bench.render.plain import (
-    SAMPLERS,
-    Plain,
-    Sampler,
-    seconds_in_kernels,
-    seconds_of_rays,
-)
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import SceneFile

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from results.limits import agreement, trials
+from results.limits import agreement, rendered, trials
 from results.limits.agreement import LimitedFrame, LitScene
 from solver.instrument.errors import InputError
-from tests.vbaa_bench.limits.test_rendered import SCENE
-from vbaa_bench.limits import rendered
+from tests.results.test_limits_rendered import SCENE
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene
 

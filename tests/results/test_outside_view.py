@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from results.pictures.outside_rig import rig_bodies, viewpoint
 from results.pictures.outside_view import outside_view
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import camera_looking_at, invert
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.outside import rig_bodies, viewpoint
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.plan import plan

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from results.render_speed.plain import Plain
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_hidden_strip import bent
@@ -11,7 +12,6 @@ from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
 from vbaa_bench.render.lights import Lamp
-from vbaa_bench.render.plain import Plain
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar

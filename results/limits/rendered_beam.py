@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from results.limits.displacement import displacements
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.transforms import apply
-from vbaa_bench.limits.displacement import displacements
 from vbaa_bench.limits.image_shape import FRACTIONS, ImagedBeam, Neighbours
 from vbaa_bench.render.pilots import dilated
 from vbaa_bench.render.tracing import Quantity, trace

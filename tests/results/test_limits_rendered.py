@@ -5,24 +5,24 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from results.limits.displacement import displacements
+from results.limits.rendered import (
+    LARGEST_NOISE,
+    ImageChange,
+    image_change,
+    precise_change,
+)
+from results.limits.rendered_profile import rendered_profiles
 from solver.instrument.arrays import Floats
 from tests.draws import generator, scene_seed, seeded
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.limits.displacement import displacements
 from vbaa_bench.limits.frame_information import PlacesInformation, frame_information
 from vbaa_bench.limits.image_shape import image_shape
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam, is_removed
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import SHIFT, information
-from vbaa_bench.limits.rendered import (
-    LARGEST_NOISE,
-    ImageChange,
-    image_change,
-    precise_change,
-)
-from vbaa_bench.limits.rendered_profile import rendered_profiles
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.frames import FrameSpec, frame_specs

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import trimesh
 
+from results.pictures.outside_render import Colour, ColouredBody, Viewpoint
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
@@ -14,7 +15,6 @@ from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.geometry import lamps
 from vbaa_bench.geometry.solids import box, rod, together, turned
 from vbaa_bench.render.lights import Lamp, Light
-from vbaa_bench.render.outside import Colour, ColouredBody, Viewpoint
 from vbaa_bench.render.surface import Surface
 
 # Colours by the names of surfaces; all are chosen by eye.

@@ -7,12 +7,12 @@ import cv2
 import mitsuba as mi
 import numpy as np
 
+from results.pictures.outside_render import ColouredBody, coloured_world
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.lights import Light
 from vbaa_bench.render.loading import load
-from vbaa_bench.render.outside import ColouredBody, coloured_world
 from vbaa_bench.render.surface import RenderUnit
 
 # Light goes from a lamp over one further surface to the camera.

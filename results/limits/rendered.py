@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
+from results.limits.rendered_beam import SAMPLES, STEP_PX, beam_change, near_beam
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
@@ -22,7 +23,6 @@ from vbaa_bench.limits.image_shape import PARAMETERS
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam, is_removed
 from vbaa_bench.limits.pixel_noise import PixelNoise
-from vbaa_bench.limits.rendered_beam import SAMPLES, STEP_PX, beam_change, near_beam
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.random_streams import render_seed
