@@ -45,7 +45,7 @@ def test_a_far_bent_beam_is_measured_to_its_tip(
     crossed = np.abs(np.diff(pixels[inside], axis=0)).max(axis=1).sum()
     assert len(line.points) > 0.8 * crossed
     error = distances(line.points, pixels)
-    assert np.sqrt(np.mean(error**2)) < 0.05
+    assert np.sqrt(np.mean(error**2)) < 0.065  # of a dark beam 0.021 +- 0.008
     if inside[-1]:
         assert line.tip is not None
         assert np.hypot(*(line.tip - pixels[-1])) < 1.0

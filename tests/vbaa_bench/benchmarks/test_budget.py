@@ -258,9 +258,9 @@ def test_the_command_writes_what_the_report_reads(
     shares = read_budget(root / "derived" / "budget.json")["exact_fit"]
     assert (shares[0].cause, shares[-1].cause) == (TOTAL, REMAINDER)
     by_cause = {share.cause: share for share in shares}
-    # Noise is the largest share of a frame whose rig is as it is said to be.
+    # Noise has a large share in frames of a rig that is as it is said to be.
     assert by_cause[TOTAL].rmse_pct_L < 0.05
-    assert by_cause[NOISE].rmse_pct_L > 0.3 * by_cause[TOTAL].rmse_pct_L
+    assert by_cause[NOISE].rmse_pct_L > 0.15 * by_cause[TOTAL].rmse_pct_L
     assert Cause.PLACEMENT not in by_cause
     assert "method 'fit' is unknown, allowed are two_point" in command.refused(
         "budget", str(root), "-m", "fit"

@@ -432,7 +432,7 @@ def test_one_rig_from_end_to_end(dataset: Path) -> None:
     assert [frame.outcome for frame in clean.frames] == ["contact"] * 4
     for frame, other in zip(clean.frames, mirrored.frames, strict=True):
         assert frame.consistent
-        assert abs(frame.error_pct or 9) < 0.2
+        assert abs(frame.error_pct or 9) < 0.3
         assert other.error_pct == pytest.approx(frame.error_pct, abs=0.03)
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from vbaa_bench.sensor.sensor import Sensor
 
@@ -33,7 +34,8 @@ def test_the_photon_transfer_curve_gives_the_gain_back() -> None:
 
 def test_dark_current_is_a_signal_with_its_own_shots(random: np.random.Generator) -> None:
     dark = Sensor(1.0, 65_535, 0, dark_signal=100.0, bits=16).expose(flat(0.0), random)
-    assert dark.mean() == pytest.approx(100, rel=1e-3)
+    error = np.sqrt(100 / dark.size)
+    assert dark.mean() == pytest.approx(100, abs=MOST_SIGMAS * error)
     assert dark.var() == pytest.approx(100, rel=0.02)
 
 
