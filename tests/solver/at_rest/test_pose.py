@@ -206,7 +206,7 @@ def test_a_bow_within_the_noise_is_within_its_sigma(
         found = found - np.polynomial.Polynomial.fit(place, found, 1)(place)
         errors.append(np.mean((found - amplitude * about_line) ** 2) / np.mean(sigma**2))
         subtracted += bool(rest.bow.any())
-    assert least <= subtracted < 400
+    assert subtracted in range(least, 400)
     assert 0.6 < np.sqrt(np.mean(errors)) < 1.45
 
 

@@ -42,7 +42,7 @@ def test_a_beam_on_a_plain_table_is_traced(width_px: float, rmse_px: float, scal
     photo, beam = drawn(width_px, Look(), 3, scale=scale)
     off = photo.off(beam.points, beam.normals)
     assert np.sqrt(np.mean(off**2)) < rmse_px
-    assert np.mean(np.abs(off) < 3 * beam.sigmas) > 0.99
+    assert np.mean(np.abs(off) < 3 * beam.sigmas) > 0.97
     assert 40 <= len(beam.points) <= 400
     np.testing.assert_allclose(np.linalg.norm(beam.normals, axis=1), 1, atol=1e-9)
     if width_px > 4:  # a thinner one is as wide as its blur
