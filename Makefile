@@ -4,8 +4,11 @@ export PYTHONDONTWRITEBYTECODE :=
 
 PYTHON ?= python3
 BIN := .venv/bin
+PYTEST := $(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+NARROW := VBAA_BENCH_VECTOR_WIDTH=4
+OLDEST := OPENBLAS_CORETYPE=Prescott NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR" NUMBA_CPU_NAME=x86-64
 
-.PHONY: demo test types tests narrow oldest seeds golden libraries lock clean
+.PHONY: demo test types tests ci narrow oldest seeds golden libraries lock clean
 
 demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
@@ -20,16 +23,22 @@ types:
 	$(BIN)/mypy
 
 tests:
-	$(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+	$(PYTEST) -m "not thorough"
 
-# The tests as on other processors: with narrow vectors of the renderer, and with the oldest kernels
+# What takes longer: many samples, all scenes, the laboratory; images with narrow vectors of the
+# renderer; estimates with the oldest kernels.
+ci: libraries
+	$(PYTEST) -m thorough
+	$(NARROW) $(PYTEST) -m "not thorough" tests/vbaa_bench/render tests/vbaa_bench/generation
+	$(OLDEST) $(PYTEST) -m "not thorough" tests/solver
+
+# All tests as on other processors: with narrow vectors of the renderer, and with the oldest kernels
 # of OpenBLAS, NumPy and Numba.
 narrow: libraries
-	VBAA_BENCH_VECTOR_WIDTH=4 $(MAKE) --no-print-directory tests
+	$(NARROW) $(PYTEST)
 
 oldest: libraries
-	OPENBLAS_CORETYPE=Prescott NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR" NUMBA_CPU_NAME=x86-64 \
-		$(MAKE) --no-print-directory tests
+	$(OLDEST) $(PYTEST)
 
 # By how many standard deviations assertions hold, over 20 seeds:  make seeds PART=1/8 TESTS=tests/solver
 PART ?= 1/1

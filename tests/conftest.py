@@ -83,8 +83,15 @@ def pytest_configure(config: pytest.Config) -> None:
         drjit.set_thread_count = lambda _count: None
 
 
+@pytest.hookimpl(tryfirst=True)  # before -m chooses by marker
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Order the test files for worker processes, which take one file after the other."""
+    """Order the test files for worker processes, which take one file after the other.
+
+    Tests of the laboratory and of robustness are thorough ones.
+    """
+    for item in items:
+        if item.path.relative_to(Path(__file__).parent).parts[0] in {"results", "robustness"}:
+            item.add_marker("thorough")
     rank = {Path(__file__).parent / name: number for number, name in enumerate(_LONGEST)}
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
 

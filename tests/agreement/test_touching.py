@@ -85,6 +85,7 @@ def about_the_contact(state: State, width: float) -> Floats:
     return np.asarray(CubicSpline(line[:, 0], line[:, 1:])(fine[(fine > 0) & (fine < line[-1, 0])]))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_every_scene_is_possible_and_beam_and_object_touch_without_intersecting(
     path: Path,

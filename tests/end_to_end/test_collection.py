@@ -60,6 +60,7 @@ def scene(folder: Path, rigs: int, repeats: int = 3) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_rigs_do_not_depend_on_workers_order_count_or_part(
     tmp_path: Path, variant: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

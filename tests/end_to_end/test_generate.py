@@ -187,6 +187,7 @@ def test_estimates_agree_with_the_truth(dataset: Path, antenna: Antenna, method:
             assert estimate.values["force_n"] == pytest.approx(row["force_n"], rel=0.02)
 
 
+@pytest.mark.thorough
 def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -81,6 +81,7 @@ def scattered(scores: pl.DataFrame) -> pl.DataFrame:
     return scores.with_columns(pl.col("x_c_error_pct_L") * factor.otherwise(1.0))
 
 
+@pytest.mark.thorough
 def test_the_small_scenes_are_as_good_as_their_baselines(
     command: CommandLine, runs: Path, tmp_path: Path
 ) -> None:

@@ -45,6 +45,7 @@ def on_c(width: float, height: float, at: Floats) -> Floats:
     return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) + at
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TARGETS)
 def test_the_true_camera_is_found_within_its_stated_errors(name: str) -> None:
     board, lens = TARGETS[name]

@@ -57,6 +57,7 @@ def limit(points: Floats, x_c: float, force: float, base: Floats = KNOWN_BASE) -
     return float(np.sqrt(stated[0, 0, 0]))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("distance", "deflection"), [(0.15, 0.1), (0.09, 0.2), (0.21, 0.05)])
 def test_it_attains_the_information_limit_and_says_so(distance: float, deflection: float) -> None:
     points, x_c, force = pushed_points(distance, deflection)

@@ -35,6 +35,7 @@ def address() -> Iterator[ClusterAddress]:
         yield ClusterAddress.checked(local.scheduler_address)
 
 
+@pytest.mark.thorough
 def test_a_frame_at_which_workers_of_a_cluster_die_costs_itself_alone(
     address: ClusterAddress, tmp_path: Path
 ) -> None:
@@ -107,6 +108,7 @@ def test_an_address_is_checked_before_anything_is_started(
 
 
 # dask-jobqueue leaves the pipes of its local processes open.
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_file_starts_its_own_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # A worker imports nothing from the folder where it starts, and the test's object is not

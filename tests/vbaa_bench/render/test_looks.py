@@ -34,6 +34,7 @@ IMAGES, REFERENCES, SAMPLES = 8, 6, 196
 FALSE_ALARM = 1e-5
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(FALSE_ALARM, "Welch's t test with Bonferroni's limit")
 @pytest.mark.parametrize("fixed_to", ["antenna", "world"])
 def test_no_surface_is_biased(fixed_to: str, tmp_path: Path, variant: str) -> None:

@@ -48,6 +48,7 @@ def test_kinds_are_told_apart() -> None:
     assert kinds(dense, covered, True).tolist() == [3, 4, 4]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["quickstart.yaml", "fig14_micro.yaml"])
 def test_other_frames_have_the_target_noise(name: str, variant: str) -> None:
     """By distance from the beam; shadows may have less: their pixels have the fewest samples."""

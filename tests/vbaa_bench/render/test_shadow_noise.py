@@ -16,6 +16,8 @@ from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import load_scene
 
+pytestmark = pytest.mark.thorough
+
 SCENE = seeded("""
 title: A low lamp at the side, and a block that shades fine texture
 seed: 5

@@ -79,6 +79,7 @@ def ground(world: World) -> StaticLayer:
     return render_static_layer(world, TARGET, scene_seed(1))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("width_px", WIDTHS_PX)
 def test_no_column_is_noisier_than_wanted_nor_biased(
     world: World, ground: StaticLayer, width_px: float

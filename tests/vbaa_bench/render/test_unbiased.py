@@ -27,6 +27,8 @@ from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import load_scene
 
+pytestmark = pytest.mark.thorough
+
 Mask = npt.NDArray[np.bool_]
 
 # A soft lamp and a point; a sheet that hides the contact; hub, beam, object and their shadows.
