@@ -104,7 +104,8 @@ def test_a_half_hidden_beam_is_still_answered(dataset: Path, antenna: Antenna, m
     image = frame.image()
     image[:, 330:] = np.median(image)
     answer = PushTracker(antenna, METHODS[method]).solve(image, frame.readings).estimate
-    assert answer.outcome is Outcome.CONTACT
+    # A contact in the hidden half may be at the tip.
+    assert answer.outcome in {Outcome.CONTACT, Outcome.TIP_CONTACT}
     assert 0 < answer.values["x_c_m"] < 0.24
 
 

@@ -173,7 +173,7 @@ def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(
     rest = drawn(guide(), at_rest, thin)
     beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
     line = seen(drawn(guide(), pushed_shape, thin), beam)
-    assert len(line.points) > 240
+    assert len(line.points) > 200
     assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.014
 
 
@@ -267,7 +267,7 @@ def test_a_beam_that_leaves_the_image_is_measured_within_it() -> None:
     light, pixels = pushed(0.6, s_c=0.4)
     assert pixels[-1, 1] < -20
     line = seen(light, learned())
-    assert len(line.points) > 0.85 * visible(pixels, 0.0)
+    assert len(line.points) > 0.75 * visible(pixels, 0.0)
     assert (line.points[:, 1] > 2).all()
     assert (line.rejected > -0.5).all()
     assert line.tip is None

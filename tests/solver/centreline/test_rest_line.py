@@ -20,22 +20,25 @@ from tests.solver.centreline.test_ground import felt
 THIN = Look(beam=0.5, ground=0.4, radius_px=0.4, spread_px=0.4)
 
 
-def image(noise: float, tilt: float = 0.0, look: Look = THIN) -> Floats:
+def image(noise: float, tilt: float = 0.0, look: Look = THIN, number: int = 1) -> Floats:
     light = drawn(guide(), bent(0.0, tilt=tilt), look)
-    return 255 * light + noise * generator(__name__, 1).standard_normal(light.shape)
+    return 255 * light + noise * generator(__name__, number).standard_normal(light.shape)
 
 
+@pytest.mark.false_alarm(3e-6, "binomial, more than 4 of 12 at 2 %; 3 of 480 are not found")
 @pytest.mark.parametrize("polarity", [1, -1])
 @pytest.mark.parametrize("tilt", [-0.09, 0.0, 0.05])
 def test_a_beam_below_the_noise_of_a_column_is_found(polarity: int, tilt: float) -> None:
     """A bright beam's contrast is half of a pixel's sigma: no column shows it, 280 of them do."""
     look = THIN if polarity == 1 else Look(0.3, 0.4, THIN.radius_px, THIN.spread_px)
-    line = find_rest_line(image(6.0, tilt, look), guide(), (1, 2))
-    assert line is not None
-    assert line.polarity == polarity
-    x, y = line.places.T
-    # 1.1 +- 0.4 px over 12 seeds.
-    assert np.abs(y - np.tan(tilt) * x).max() < 5 * guide().pixel
+    found = [find_rest_line(image(6.0, tilt, look, n), guide(), (1, 2)) for n in range(12)]
+    lines = [line for line in found if line is not None]
+    assert len(lines) >= 8
+    for line in lines:
+        assert line.polarity == polarity
+        x, y = line.places.T
+        # 1.1 +- 0.4 px over 12 seeds.
+        assert np.abs(y - np.tan(tilt) * x).max() < 5 * guide().pixel
 
 
 @pytest.mark.parametrize("seed", range(8))
