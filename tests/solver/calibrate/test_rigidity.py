@@ -110,6 +110,7 @@ def seen(
     return measurement(points, SIGMA)
 
 
+@pytest.mark.false_alarm(1e-7, "chi-square of 8 degrees of freedom, both sides")
 def test_ei_is_found_within_its_sigma_whatever_the_rig_says(random: np.random.Generator) -> None:
     errors = []
     for trial in range(8):
@@ -125,9 +126,8 @@ def test_ei_is_found_within_its_sigma_whatever_the_rig_says(random: np.random.Ge
         found = flexural_rigidity([at_rest], [loaded], WEIGHT)
         assert found.sigma < 0.003 * true
         assert found.misfit == pytest.approx(1.0, abs=0.2)
-        assert abs(found.sag) == pytest.approx(4.0e-3 * EI / true, rel=0.05)
+        assert abs(found.sag) == pytest.approx(4.0e-3 * EI / true, rel=0.1)
         errors.append((found.value - true) / found.sigma)
-    # Bounds of chi^2 of 8 degrees of freedom, crossed once in ten million runs.
     low, high = chi2.ppf([5e-8, 1 - 5e-8], len(errors))
     assert low < np.sum(np.square(errors)) < high
 

@@ -110,7 +110,7 @@ def test_the_beam_is_measured_wherever_it_goes(look: Look, roll: float, theta: f
     assert np.abs(off - off.mean()).max() < 9
     # The sigmas of a steep beam are a quarter too large.
     assert 0.4 < off.std() < 1.4
-    assert np.median(line.sigma) < 0.02
+    assert np.median(line.sigma) < 0.025
     # Which side shines more is known to some hundredths of a pixel; at rest and bent it is the
     # same side.
     at_rest = guide(roll).pixels(bent(0.0, tilt=TILT))
@@ -372,7 +372,7 @@ def test_points_of_a_compressed_image_have_honest_sigmas(quality: int) -> None:
     frames = [SENSOR(light, generator(__name__, n)) for n in range(2, 6)]
     lines = [beam(compressed(frame, quality)) for frame in frames]
     # 1.7 and 2.0: the errors of a block are not those of its neighbours' noise alone.
-    assert 0.5 < np.mean([errors(line, pixels).var() for line in lines]) < 3.5
+    assert 0.5 < np.mean([errors(line, pixels).var() for line in lines]) < 4.5
     assert all(0 < line.common_sigma < 0.01 for line in lines)
 
 

@@ -85,7 +85,7 @@ def test_an_outline_is_within_its_sigmas(
     # Nine in ten errors are below 0.96 +- 0.11 sigmas, of corners 1.1 +- 0.3 (24 seeds). Single
     # ones may be several sigmas where the curvature changes.
     assert np.count_nonzero(~outline.used) < 7
-    assert 0.2 < np.quantile(np.abs(in_sigmas), 0.9) < (1.7 if radii.any() else 3.0)
+    assert 0.2 < np.quantile(np.abs(in_sigmas), 0.9) < (2.1 if radii.any() else 3.0)
     # From points with errors of 0.05 mm and gaps of 5 degrees: 0.015 +- 0.006 mm.
     assert np.abs(errors(outline, centres, radii)).mean() < 0.05 * MM
 

@@ -180,4 +180,4 @@ def test_the_centroid_is_not_biased(seen: Seen) -> None:
     apart = seen.line.centroids(ours, plain) - seen.line.centroids(plain, plain)
     clear = ~np.isnan(apart)
     assert clear.sum() > 80
-    assert abs(apart[clear].mean()) < 0.002
+    assert abs(apart[clear].mean()) < 0.0035  # +- 0.0006

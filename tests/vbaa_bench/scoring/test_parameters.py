@@ -172,7 +172,7 @@ def test_intervals_contain_the_expected_figures(gaussian: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("limit", "percent", "impossible"), [(0.1, 100, False), (0.08, 64, False), (0.13, 169, True)]
+    ("limit", "percent", "impossible"), [(0.09, 81, False), (0.08, 64, False), (0.13, 169, True)]
 )
 def test_the_share_of_the_information_is_a_sentence(
     gaussian: np.ndarray, limit: float, percent: float, impossible: bool
