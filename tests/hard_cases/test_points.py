@@ -98,7 +98,7 @@ def test_points_told_twice_tell_the_same_place(name: str, reference: str) -> Non
     # twice: the clamp's prior is not outweighed by more than its own sigma. The sigma may be that
     # of errors of many points: 1.9 times as large over eight seeds.
     assert abs(twice.values["x_c_m"] - once.values["x_c_m"]) < 5 * once.sigma("x_c_m")
-    assert 0.2 < twice.sigma("x_c_m") / once.sigma("x_c_m") < 6
+    assert 0.1 < twice.sigma("x_c_m") / once.sigma("x_c_m") < 6
 
 
 @pytest.mark.parametrize("reference", REFERENCES)
