@@ -18,7 +18,7 @@ from vbaa_bench.report.console import console, progress_bars
 from vbaa_bench.scene.load import load_scene
 
 HERE: Final = Path(__file__).parent
-# Draws scenes into a file, by a variant, and tells how many of how many are done.
+# Renders scenes into one picture; the last argument is called with the number done and the total.
 Sheet = Callable[[Sequence[Path], Path, str, Callable[[int, int], None]], object]
 
 app = typer.Typer()

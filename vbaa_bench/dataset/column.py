@@ -1,7 +1,7 @@
 """A column or key of a file: meaning, unit, frame of reference, type, and when it is missing.
 
-Each is declared once. The check of tables, the data dictionary, exports and the report follow from
-the declaration.
+Each is declared once. The check of tables, the data dictionary and the descriptions in exports
+follow from the declaration.
 """
 
 from enum import Enum, StrEnum

@@ -83,8 +83,7 @@ def check_types(dtypes: Mapping[str, pl.DataType], schema: Schema, source: str) 
 
 def _faults(columns: Collection[str], schema: Schema) -> Iterator[tuple[str, pl.Expr]]:
     """Yield each fault that the numbers of a table may have, and the test for it."""
-    vectors_of = [name for name, kind in schema.kinds.items() if kind is Kind.VECTOR]
-    for name in [name for name in vectors_of if name in columns]:
+    for name in [n for n, kind in schema.kinds.items() if kind is Kind.VECTOR and n in columns]:
         vectors = pl.col(name).drop_nulls()
         is_vector = (vectors.list.len() == 3).all() & _all_finite(vectors.explode(), null=False)
         yield f"{name} is not a vector of three numbers in a row", ~is_vector
