@@ -23,10 +23,20 @@ from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
 
 # Test files that take longest, first: no worker process begins one when the others have no more.
-# The first compiles the solver's functions. The next three do not need them, so that no second
-# process compiles the same functions at the same time.
+# The first compiles the solver's functions. Those of rendering and mechanics need none of them: no
+# second process compiles the same functions at the same time.
 _LONGEST: Final = (
     "end_to_end/test_generate.py",
+    "vbaa_bench/generation/test_failures.py",
+    "vbaa_bench/generation/test_workers.py",
+    "vbaa_bench/generation/test_same_images.py",
+    "vbaa_bench/render/test_frame_rendering.py",
+    "vbaa_bench/render/test_interreflection.py",
+    "vbaa_bench/render/test_hidden_strip.py",
+    "vbaa_bench/render/test_lights.py",
+    "vbaa_bench/mechanics/test_friction.py",
+    "vbaa_bench/mechanics/test_rod.py",
+    "vbaa_bench/scene/test_load.py",
     "agreement/test_touching.py",
     "vbaa_bench/generation/test_cluster.py",
     "vbaa_bench/render/test_unbiased.py",

@@ -74,6 +74,7 @@ def directions(case: Case, friction: float) -> tuple[list[int], list[float]]:
     return believed, true
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", [0.05, 0.5])
 @pytest.mark.parametrize(
     "case",

@@ -21,6 +21,7 @@ from vbaa_bench.mechanics.pushing import Motor, Step, push
 from vbaa_bench.mechanics.rod import Rod
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("second", "gap", "angle"), [(0.16, 1e-3, 0.1), (0.19, 3e-3, 0.4)])
 def test_the_rod_between_two_pegs_has_the_same_contacts(
     second: float, gap: float, angle: float

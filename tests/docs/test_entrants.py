@@ -59,6 +59,7 @@ ENTRANTS = [_entrant("spline_curvature"), _entrant("consistent_sections")]
 
 # Errors of a linear theory in the force would be 10 % at the larger deflection. Noise is a tenth of
 # the usual: derivatives of a spline amplify it, and their errors have heavy tails.
+@pytest.mark.thorough
 @pytest.mark.parametrize("contact", [0.08, 0.12, 0.18])
 @pytest.mark.parametrize("deflection", [0.1, 0.2])
 @pytest.mark.parametrize("entrant", ENTRANTS)

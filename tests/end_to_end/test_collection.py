@@ -123,6 +123,7 @@ def test_rigs_do_not_depend_on_workers_order_count_or_part(
     assert "rig 1" in (grown / "report" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_parts_of_a_dataset_are_merged_to_the_same_bytes(tmp_path: Path, variant: str) -> None:
     text = scene(tmp_path, 1, 5).read_text(encoding="utf-8").replace("rigs: 1\n", "")
     (tmp_path / "one.yaml").write_text(text, encoding="utf-8")

@@ -75,6 +75,7 @@ def damaged(layout: Layout, source: Path) -> Iterator[tuple[Path, Path]]:
             shutil.copy(source / name, layout.root / name)
 
 
+@pytest.mark.thorough
 def test_every_damage_is_mended_to_the_same_bytes_and_nothing_else_is_made(
     dataset: Path, copied: Layout, small_scene: Path, variant: str, restorer: type[Restorer]
 ) -> None:
@@ -143,6 +144,7 @@ def test_who_reads_a_damaged_file_names_it_and_how_to_mend_it(
             assert str(path.parent if last == HASHES else path) in str(refusal.value)
 
 
+@pytest.mark.thorough
 def test_report_reads_no_damaged_image_table_or_manifest(
     dataset: Path, copied: Layout, tmp_path: Path
 ) -> None:
@@ -325,6 +327,7 @@ def grown_scene(folder: Path, count: int, method: str = "sobol") -> SceneFile:
     return load_scene(path)
 
 
+@pytest.mark.thorough
 def test_a_set_grows_and_equals_one_that_was_generated_at_once(
     tmp_path: Path, variant: str
 ) -> None:

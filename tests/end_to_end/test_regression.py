@@ -22,6 +22,8 @@ from vbaa_bench.scoring.child import Job, solve_each
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
 from vbaa_bench.scoring.score import found_predictions, score
 
+pytestmark = pytest.mark.thorough
+
 ROOT = Path(__file__).parents[2]
 SCENES = sorted((ROOT / "tests" / "data" / "regression").glob("*.yaml"))
 BASELINES = ROOT / "results" / "baselines" / "small"
@@ -81,7 +83,6 @@ def scattered(scores: pl.DataFrame) -> pl.DataFrame:
     return scores.with_columns(pl.col("x_c_error_pct_L") * factor.otherwise(1.0))
 
 
-@pytest.mark.thorough
 def test_the_small_scenes_are_as_good_as_their_baselines(
     command: CommandLine, runs: Path, tmp_path: Path
 ) -> None:

@@ -116,6 +116,7 @@ def test_removed_data_are_left_out_by_the_solver(hidden: tuple[Layout, Truth]) -
     assert 0.5 < other.dof / one.dof < 0.75
 
 
+@pytest.mark.thorough
 def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Path) -> None:
     layout = made(
         tmp_path,
@@ -146,6 +147,7 @@ def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Pat
     assert np.linalg.norm(places[0] - places[1]) < 0.5
 
 
+@pytest.mark.thorough
 def test_a_beam_above_plane_c_is_seen_where_it_is(variant: str, tmp_path: Path) -> None:
     layout = made(
         tmp_path,
@@ -191,6 +193,7 @@ def test_the_overlay_knows_where_the_camera_stands(hidden: tuple[Layout, Truth])
     assert seen.contact is not None
 
 
+@pytest.mark.thorough
 def test_a_contact_sheet_names_scenes_that_look_alike_below_one_picture(
     small_scene: Path, variant: str, tmp_path: Path
 ) -> None:

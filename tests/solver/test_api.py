@@ -96,6 +96,7 @@ def test_the_examples_of_the_documentation_run(
     assert estimate.startswith("Estimate(contact: x_c ")
 
 
+@pytest.mark.thorough
 def test_importing_the_package_imports_nothing_heavy_and_sets_one_variable() -> None:
     code = """
 import os, sys
@@ -136,6 +137,7 @@ def test_each_centreline_can_be_checked(rig: solver.CalibratedRig) -> None:
     assert found["beam"] in ("bright", None)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", solver.METHODS)
 def test_each_method_tracks_with_each_centreline(
     rig: solver.CalibratedRig, observations: Observations, name: str

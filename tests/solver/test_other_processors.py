@@ -53,6 +53,7 @@ def estimates_of(dataset: str) -> str:
     return json.dumps(estimates(set_up(observations), observations))
 
 
+@pytest.mark.thorough
 def test_estimates_are_the_same_with_other_kernels(
     observations: Observations, antenna: Antenna, dataset: Path
 ) -> None:

@@ -33,6 +33,7 @@ def image(light: Floats, seed: int) -> Grey:
     return SENSOR(light, generator(__name__, seed))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", TIPS)
 def test_a_tip_of_any_kind_is_where_the_beam_ends(kind: str) -> None:
     """At rest and bent it looks alike: what it adds to the length is learned at rest."""

@@ -181,6 +181,7 @@ def test_a_transform_gets_the_record(tmp_path: Path) -> None:
     assert np.array_equal(records[1], arrays(root)[1]["image"][:, ::-1])
 
 
+@pytest.mark.thorough
 def test_it_needs_no_renderer(tmp_path: Path) -> None:
     root = store(tmp_path / "set", frames=2)
     code = (

@@ -97,6 +97,7 @@ def test_edges_sharper_than_a_pixel_show_a_shift(du: float, dv: float) -> None:
     assert (found.du, found.dv) == pytest.approx((du, dv), abs=0.045)
 
 
+@pytest.mark.thorough
 def test_the_covariance_is_honest_and_noise_is_no_motion() -> None:
     """Over the noise of the rest images and of the image alike."""
     light, still, errors, exceeding = scene(), scene(0.3, -0.2), [], 0

@@ -186,6 +186,7 @@ def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance
     assert sigma(0.1) < 2 * independent
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("stated", "least"), [(math.inf, 20), (2e-3 * PIXEL / BEAM.length, 0)])
 def test_a_bow_within_the_noise_is_within_its_sigma(
     stated: float, least: int, random: np.random.Generator

@@ -56,6 +56,7 @@ def test_points_lie_where_they_are_drawn(name: str, number: int) -> None:
     assert np.abs(error.mean(axis=0)).max() < 0.018
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", BOARDS)
 @pytest.mark.parametrize("roll_deg", [-40.0, 40.0])
 def test_a_turned_board_is_not_taken_for_another(name: str, roll_deg: float) -> None:
@@ -70,6 +71,7 @@ def test_the_pattern_shows_any_roll(name: str, roll_deg: float) -> None:
     assert np.abs(errors(name, camera(roll_deg), tilted(MIDDLE, 0, away, 0.2))).max() < 0.3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("roll_deg", "quarter_turns"), [(100.0, 1), (180.0, 2), (-75.0, 3)])
 def test_lines_need_the_nearest_quarter_turn(
     roll_deg: float, quarter_turns: int, random: np.random.Generator
@@ -88,6 +90,7 @@ def test_lines_need_the_nearest_quarter_turn(
     assert max(errors) > 10
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["charuco", "lines"])
 @pytest.mark.parametrize("aside", [(0.04, 0.02), (-0.04, -0.03)])
 def test_a_part_of_the_board_is_enough(name: str, aside: tuple[float, float]) -> None:
@@ -96,6 +99,7 @@ def test_a_part_of_the_board_is_enough(name: str, aside: tuple[float, float]) ->
     assert np.abs(errors(name, camera(), pose)).max() < 0.3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", BOARDS)
 def test_sixteen_bits_are_all_used(name: str, random: np.random.Generator) -> None:
     """A dim view of 12 bits in 16, without noise: in 8 bits its steps would be noise."""

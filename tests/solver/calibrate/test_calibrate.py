@@ -105,6 +105,7 @@ def micro_view(lean: float) -> Grey:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("lean_deg", [0.0, 12.0])
 def test_one_view_is_enough_for_a_telecentric_camera(lean_deg: float) -> None:
     true = microscope(math.radians(lean_deg))

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from solver.calibrate import calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
@@ -10,6 +11,7 @@ from tests.solver.calibrate.rigs import board_pose, camera, rig
 BOARD = Chessboard(12, 9, 0.013)
 
 
+@pytest.mark.thorough
 def test_what_a_calibration_leaves_open_along_the_beam_is_what_it_errs_by(
     random: np.random.Generator,
 ) -> None:

@@ -70,6 +70,7 @@ def test_eight_coefficients_give_the_same_image_if_not_the_same_numbers(
     assert one.camera.fx == pytest.approx(true.fx, rel=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("lens", [(), BARREL], ids=["none", "five"])
 def test_the_stated_covariance_is_that_of_the_answers(
     lens: tuple[float, ...], random: np.random.Generator

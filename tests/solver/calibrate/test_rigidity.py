@@ -153,6 +153,7 @@ def bent(at: float, random: np.random.Generator) -> tuple[Measurement, ...]:
     return at_rest, loaded
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("off", "towards"), [(0.01, "tip"), (-0.01, "clamp")])
 def test_a_weight_that_hangs_elsewhere_is_refused(
     off: float, towards: str, random: np.random.Generator
@@ -162,6 +163,7 @@ def test_a_weight_that_hangs_elsewhere_is_refused(
         flexural_rigidity([at_rest], [loaded], WEIGHT)
 
 
+@pytest.mark.thorough
 def test_a_clamp_that_is_not_level_is_refused(random: np.random.Generator) -> None:
     # So heavy a weight turns the tip by half a radian and tells which way is down.
     heavy = replace(WEIGHT, force=3 * WEIGHT.force, at_sigma=0.1e-3)
@@ -203,6 +205,7 @@ def test_a_rig_that_is_30_times_off_does_not_matter(
     assert found.sigma < 0.01 * factor * EI
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("stated", "sigma"), [(0.2399, 0.1), (0.22, 0.02)])
 def test_a_weight_whose_place_is_hardly_known_may_hang_at_the_tip(
     stated: float, sigma: float, random: np.random.Generator
@@ -237,6 +240,7 @@ def on_plane_c(line: Floats, random: np.random.Generator, shape: BeamShape) -> M
     return replace(taken, view=view, rig=replace(taken.rig, shape=shape))
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(1e-5, "chi-square, five in a million outside either bound")
 def test_errors_over_the_stated_tolerances_are_as_large_as_the_sigma(
     random: np.random.Generator,
@@ -267,6 +271,7 @@ def test_errors_over_the_stated_tolerances_are_as_large_as_the_sigma(
     assert low < np.sum(np.square(pulls)) < high
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("taper", [-0.04, 0.04])
 def test_ei_is_that_at_the_clamp_of_a_beam_that_may_be_tapered(
     taper: float, random: np.random.Generator
@@ -284,6 +289,7 @@ def test_ei_is_that_at_the_clamp_of_a_beam_that_may_be_tapered(
         flexural_rigidity(uniform[:1], uniform[1:], WEIGHT)
 
 
+@pytest.mark.thorough
 def test_a_beam_that_is_not_the_stated_one_is_refused(random: np.random.Generator) -> None:
     rod = Rod(BEAM, tip_ratio=0.6, weight=(0.0, STEEL, 0.0))
     at_rest, loaded = (

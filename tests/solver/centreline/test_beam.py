@@ -137,6 +137,7 @@ def test_a_rest_line_along_the_rows_teaches_as_well() -> None:
     assert abs(off.mean()) < 0.04
 
 
+@pytest.mark.thorough
 def test_a_beam_that_gets_thinner_is_measured_as_far_as_a_uniform_one() -> None:
     look = replace(BRIGHT, taper=-0.5)
     light, pixels = pushed(0.25, look)
@@ -177,6 +178,7 @@ def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(
     assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.014
 
 
+@pytest.mark.thorough
 def test_sixteen_bits_say_what_eight_do() -> None:
     deep = Sensor(bits=16)
     light, pixels = pushed(0.25)
@@ -361,6 +363,7 @@ def compressed(image: Grey, quality: int) -> Grey:
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("quality", [85, 50])
 def test_points_of_a_compressed_image_have_honest_sigmas(quality: int) -> None:
     """Those of the sensor's noise are too small several times over.

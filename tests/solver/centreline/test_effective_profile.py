@@ -54,6 +54,7 @@ def learned() -> BeamExtractor:
     return learn_beam(images(0.0, 0, 4)[0], guide())
 
 
+@pytest.mark.thorough
 def test_the_profile_of_steel_leaves_little_more_than_noise() -> None:
     section = learned().appearance.section
     assert learned().appearance.misfit < 2

@@ -63,6 +63,7 @@ def tilted_light(tangent: float, name: str) -> Floats:
     return drawn(guide(), INCLINED, look) + look.beam * tangent * (rising - even)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "look"),
     [(name, look) for name in EXTRACTORS for look in LOOKS if (name, look) != (PAPER, "dark")],

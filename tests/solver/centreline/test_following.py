@@ -23,6 +23,7 @@ def learned(look: Look, roll: float) -> BeamExtractor:
     return learn_beam([SENSOR(light, random) for _ in range(2)], seen_by)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("look", "roll", "theta", "s_c"),
     [

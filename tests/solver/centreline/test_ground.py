@@ -5,6 +5,7 @@ from functools import cache
 
 import cv2
 import numpy as np
+import pytest
 
 from solver.centreline import Centreline
 from solver.centreline.extractor import BeamExtractor, learn_beam
@@ -64,6 +65,7 @@ def columns(pixels: Floats) -> float:
     return float(np.ptp(pixels[:, 0]))
 
 
+@pytest.mark.thorough
 def test_a_thin_beam_on_felt_keeps_its_points() -> None:
     scatter, in_sigmas, points, larger = [], [], [], []
     for seed in range(8):

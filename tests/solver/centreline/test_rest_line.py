@@ -25,6 +25,7 @@ def image(noise: float, tilt: float = 0.0, look: Look = THIN, number: int = 1) -
     return 255 * light + noise * generator(__name__, number).standard_normal(light.shape)
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(3e-6, "binomial, more than 4 of 12 at 2 %; 3 of 480 are not found")
 @pytest.mark.parametrize("polarity", [1, -1])
 @pytest.mark.parametrize("tilt", [-0.09, 0.0, 0.05])
@@ -41,11 +42,13 @@ def test_a_beam_below_the_noise_of_a_column_is_found(polarity: int, tilt: float)
         assert np.abs(y - np.tan(tilt) * x).max() < 5 * guide().pixel
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(8))
 def test_a_texture_alone_shows_no_beam(seed: int) -> None:
     assert find_rest_line(255 * felt(seed), guide(), (1, 2)) is None
 
 
+@pytest.mark.thorough
 def test_a_thin_beam_is_found_on_a_texture_of_its_brightness() -> None:
     """Of a beam of 0.7 px, whose contrast is half of the texture's scatter, mean values show none.
 
@@ -64,6 +67,7 @@ def test_a_thin_beam_is_found_on_a_texture_of_its_brightness() -> None:
     assert right >= 3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("correlation", [1.0, 5.0, 10.0])
 def test_no_texture_matches_a_beam(correlation: float) -> None:
     thin = replace(guide(), radius=0.35 * guide().pixel)
@@ -102,6 +106,7 @@ def beside(offset_px: float, contrast: float, radius_px: float) -> tuple[Floats,
     return light, replace(guide(), radius=radius_px * guide().pixel)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("offset", [-14.0, -9.0, -5.0, 5.0, 7.0, 9.0])
 @pytest.mark.parametrize("contrast", [-0.15, 0.15])
 def test_a_line_beside_the_beam_is_measured(
@@ -129,6 +134,7 @@ def test_the_ground_between_two_wires_is_no_beam(
     assert line.second.offset == pytest.approx(9.0, abs=0.3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("radius_px", [0.4, 0.8, 2.0, 4.0])
 @pytest.mark.parametrize("sharpened_px", [None, 1.0, 2.0, 3.0])
 def test_a_beam_alone_has_no_line_beside_it(

@@ -66,6 +66,7 @@ def test_it_attains_the_information_limit_and_says_so(distance: float, deflectio
     judge(*errors(batch, x_c, force), limit(points, x_c, force))
 
 
+@pytest.mark.thorough
 def test_an_unknown_clamp_costs_what_it_must(random: np.random.Generator) -> None:
     points, x_c, force = pushed_points(0.15, 0.1)
     base = np.diag([2e-5, 2e-5, 2e-4]) ** 2

@@ -93,6 +93,7 @@ def test_the_chosen_course_is_that_of_the_largest_density(random: np.random.Gene
     assert chosen.gain == pytest.approx(2 * (density - alone), rel=0.05)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("nodes", [8, 20])
 def test_estimates_are_honest_with_them_and_not_without(
     nodes: int, monkeypatch: pytest.MonkeyPatch, random: np.random.Generator

@@ -63,6 +63,7 @@ def test_within_a_frame_the_light_of_many_objects_has_the_covariance_of_one() ->
     assert many.common == one.common + 2  # half of it is the same in all frames
 
 
+@pytest.mark.thorough
 def test_objects_that_all_reflect_alike_do_not_bias_a_learned_beam_beyond_its_sigmas(
     random: np.random.Generator,
 ) -> None:

@@ -64,6 +64,7 @@ def test_only_the_shape_of_the_way_counts(degrees: list[float], scale: float) ->
     assert (grip_matrix(scale * angles, begins, scale * SIGMA, 0.0, 0.0) == small).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", [0.1, 0.8])
 @pytest.mark.parametrize(("compliance", "radius"), [(0.0, 0.0), (0.0, 0.01), (0.5, 0.0)])
 def test_the_world_slides_as_the_antenna_believes(

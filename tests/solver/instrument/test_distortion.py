@@ -73,6 +73,7 @@ def test_no_point_is_found_on_a_side_folded_over() -> None:
     assert undistort(np.array([[0.769, 0.0]]), lens)[0, 0] < 1.1547
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [5, 8])
 def test_points_are_found_up_to_the_fold_of_any_lens(count: int) -> None:
     random = generator(__name__, count)

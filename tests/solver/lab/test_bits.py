@@ -30,6 +30,7 @@ def rewritten(
     return open_observations(to)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("change", "camera"),
     [

@@ -174,6 +174,7 @@ class Plugged:
         self._images = []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", [["--stream", "--out", "kept.csv"], ["--out", "kept.csv"]])
 def test_a_camera_is_read_until_it_is_lost(
     command: CommandLine,
@@ -246,6 +247,7 @@ def test_a_place_that_cannot_be_written_is_told_before_anything_is_solved(
         assert f"{out}: cannot be written" in command.refused(root, "--out", out)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("centreline", EXTRACTORS)
 def test_the_beam_is_measured_as_was_asked_for(
     command: CommandLine, root: Path, images: list[Path], centreline: str
@@ -304,6 +306,7 @@ def test_what_was_solved_before_an_interrupt_is_kept(
     assert len(table(Path("kept.csv"))) == 2
 
 
+@pytest.mark.thorough
 def test_a_stream_that_nobody_reads_any_more_ends_quietly(
     root: Path, images: list[Path], tmp_path: Path
 ) -> None:
@@ -443,6 +446,7 @@ def test_the_learned_method_learns_from_the_images_that_it_is_given(
     assert "a camera or video has none" in command.refused("0", "--rig", root, *learned)
 
 
+@pytest.mark.thorough
 def test_a_contact_is_no_hung_weight(command: CommandLine, root: Path, images: list[Path]) -> None:
     words = ["--weight-g", "4", "--at-mm", "190"]
     refused = command.refused("rigidity", images[0], "--rig", root, *words)
@@ -452,6 +456,7 @@ def test_a_contact_is_no_hung_weight(command: CommandLine, root: Path, images: l
     assert any(reason in refused for reason in reasons)
 
 
+@pytest.mark.thorough
 def test_a_hung_weight_gives_ei(
     command: CommandLine, root: Path, observations: Observations, antenna: Antenna
 ) -> None:

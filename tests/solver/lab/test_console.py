@@ -39,6 +39,7 @@ def test_the_table_shows_short_names_as_they_are() -> None:
         assert part in text
 
 
+@pytest.mark.thorough
 def test_a_first_start_shows_how_many_functions_are_compiled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

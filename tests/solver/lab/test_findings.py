@@ -41,6 +41,7 @@ def turned_board(rig: Rig) -> Rig:
     return replace(rig, antenna_from_board=turn @ rig.antenna_from_board)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("wrong", "name"),
     [

@@ -30,6 +30,7 @@ def printed(board: Board) -> Grey:
     return card
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: type(board).__name__)
 def test_the_print_is_found_where_it_was_drawn(board: Board) -> None:
     card = printed(board)

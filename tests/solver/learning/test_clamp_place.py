@@ -48,6 +48,7 @@ def learned(shift: float = SHIFT) -> LearnedBeam:
     return learn_beam(pushes(shift, UNCERTAIN))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shift", [SHIFT, -SHIFT])
 def test_the_place_is_learned(shift: float) -> None:
     shape = learned(shift).shape
@@ -57,6 +58,7 @@ def test_the_place_is_learned(shift: float) -> None:
     assert f"begins to bend {place * 1e3:.3f}" in summary(learned(shift), rig(), rig())
 
 
+@pytest.mark.thorough
 def test_contacts_are_measured_from_there_and_stay_where_they_are(
     random: np.random.Generator,
 ) -> None:
@@ -74,6 +76,7 @@ def test_contacts_are_measured_from_there_and_stay_where_they_are(
     assert not certain.values or abs(certain.values["x_c_m"] - true) > 0.5 * SHIFT
 
 
+@pytest.mark.thorough
 def test_a_wire_gripped_deeper_is_distinguished_from_a_clamp_that_gives() -> None:
     """Nothing is stated: no clamp turns against its moment."""
     deeper = learn_beam(pushes(SHIFT, BeamShape()))

@@ -35,6 +35,7 @@ def test_a_hung_weight_gives_ei(random: np.random.Generator) -> None:
         rig_with_force(rig, frame, force, 1e-3 * force, exact_fit)
 
 
+@pytest.mark.thorough
 def test_a_force_that_contradicts_the_stated_ei_is_said() -> None:
     stated = rig(flexural_rigidity=0.01 * BEAM.flexural_rigidity)
     learned = learn_beam(pushes(0.0, BeamShape()))

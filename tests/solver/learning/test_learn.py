@@ -41,6 +41,7 @@ def pushes(
     return frames
 
 
+@pytest.mark.thorough
 def test_a_cone_is_learned_from_unknown_contacts() -> None:
     learned = learn_beam(pushes(-0.1, stated_shape(0.03, 0.0, 0.0, 0.0)))
     assert learned.chosen.widths >= 1
@@ -87,6 +88,7 @@ def test_the_first_candidate_is_within_what_the_rig_states(clamp: float, taper: 
     assert sum(candidate.stated for candidate in candidates_of(stated)) == first.stated
 
 
+@pytest.mark.thorough
 def test_a_uniform_beam_on_a_rigid_clamp_needs_nothing_more() -> None:
     learned = learn_beam(pushes(0.0, BeamShape()))
     assert (learned.chosen.widths, learned.chosen.soft) == (0, False)
@@ -105,6 +107,7 @@ def test_a_clamp_that_gives_is_learned() -> None:
     assert sigma < 1e-3
 
 
+@pytest.mark.thorough
 def test_of_rigid_objects_friction_is_learned() -> None:
     stated = stated_shape(0.0, 0.0, 0.0, 0.3, rigid_objects=True)
     learned = learn_beam(pushes(0.0, stated, friction=0.5))

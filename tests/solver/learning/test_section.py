@@ -63,6 +63,7 @@ def true_skew() -> float:
     return math.atan2(z, y)
 
 
+@pytest.mark.thorough
 def test_the_plane_of_deflection_is_learned_against_that_of_the_force() -> None:
     shape = learned().shape
     assert shape.sigma(SKEW) < 0.2 * STATED.sigma(SKEW)
@@ -110,11 +111,13 @@ def test_the_force_that_is_advised_determines_ei_as_predicted(random: np.random.
     assert 0.5 < reached / advice.after < 2  # as the learned beams differ
 
 
+@pytest.mark.thorough
 def test_the_mirrored_rig_has_the_opposite_skew() -> None:
     frames = [[mirrored(frame) for frame in push] for push in pushes()]
     assert learn_beam(frames).shape.skew == pytest.approx(-learned().shape.skew, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_section_that_the_rig_states_as_round_is_not_learned() -> None:
     plain = stated_shape(taper=0.0, softness=0.01, section=0.0, friction=0.0)
     frames = [

@@ -96,6 +96,7 @@ def test_only_the_first_fifth_visible_gives_an_honest_huge_covariance(
     assert np.sqrt(np.mean(np.square(pulls))) < 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("distance", [0.06, 0.15, 0.21])
 @pytest.mark.parametrize("share", [0.1, 0.2])
 def test_a_short_visible_stretch_never_stops_the_fit_without_a_word(

@@ -68,6 +68,7 @@ def test_recovers_what_the_world_exerts(distance: float, degrees: float, psi: fl
     assert force == pytest.approx(list(turned(-state.base_force, psi)), abs=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("distance", "degrees"), [(0.06, 2.0), (0.12, 10.0), (0.18, 15.0)])
 def test_its_covariance_is_honest(
     distance: float, degrees: float, random: np.random.Generator

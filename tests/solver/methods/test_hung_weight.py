@@ -62,6 +62,7 @@ def test_a_normal_force_is_another_one() -> None:
     assert exact_fit(exact).outcome is Outcome.INVALID
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("taper_sigma", "softness_sigma"), [(0.0, 0.0), (0.01, 0.01)])
 def test_errors_are_as_large_as_the_sigmas(
     taper_sigma: float, softness_sigma: float, random: np.random.Generator

@@ -47,6 +47,7 @@ def test_its_bias_on_the_exact_beam_is_that_of_linear_theory(
         assert found == pytest.approx(bias, rel=0.15, abs=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("x_c", [0.06, 0.21])
 @pytest.mark.parametrize("base_sigma", [0.0, 2e-5])
 def test_its_covariance_is_honest(

@@ -60,6 +60,7 @@ def test_a_mirrored_rig_mirrors_the_answer() -> None:
         assert two[name] == pytest.approx(sign * one[name], rel=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("base_sigma", [0.0, 2e-8])
 def test_its_covariance_is_that_of_its_sources(
     base_sigma: float, random: np.random.Generator

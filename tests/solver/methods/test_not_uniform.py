@@ -22,6 +22,7 @@ def pulls(estimate: Estimate, truth: dict[str, float]) -> list[float]:
     return [(estimate.values[name] - value) / estimate.sigma(name) for name, value in truth.items()]
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(6e-7, "chi-square, three values, 1e-7 on either side")
 @pytest.mark.parametrize("taper", [-0.4, 0.0, 0.25])
 @pytest.mark.parametrize(("place", "load"), [(0.4, 3.0), (0.6, 1.2), (0.85, 0.25)])

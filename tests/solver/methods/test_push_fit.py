@@ -334,6 +334,7 @@ def test_outliers_do_not_move_the_object(random: np.random.Generator) -> None:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("radius", [0.0, 0.01])
 def test_the_radius_of_the_object_is_honest(radius: float) -> None:
     errors, sigmas = [], []
@@ -432,6 +433,7 @@ def test_friction_acts_backwards_in_the_first_frame_after_a_reversal() -> None:
     assert estimate.values["force_y_n"] == pytest.approx(force_y, rel=2e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", [0.001, 0.3])
 def test_its_sigmas_are_honest_whether_the_object_drags_or_not(
     friction: float, random: np.random.Generator
@@ -515,6 +517,7 @@ def test_what_is_not_told_of_friction_is_not_answered(random: np.random.Generato
     assert "compliance_m_per_n" in answer.values
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("angles", "compliance"), [((12.0, 11.5, 9.0, 6.0, 3.0), 0.1), ((12.0, 9.0, 6.0, 3.0), 0.0)]
 )
@@ -569,6 +572,7 @@ def test_an_object_that_would_pull_the_beam_along_is_refused(random: np.random.G
     assert "coefficient of friction would be negative" in answer.message
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_the_tension_of_a_single_object_is_chance(
     friction: float, random: np.random.Generator

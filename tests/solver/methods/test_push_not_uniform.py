@@ -69,6 +69,7 @@ def test_a_push_of_a_cone_is_what_the_world_measures(friction: float) -> None:
         assert abs(error) < 2 * estimate.sigma("friction") < 0.1
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(
     2e-6, "binomial, more than 6 of 30 pushes at 2 %, as of 240; mean squares are 1.6 +- 0.4"
 )

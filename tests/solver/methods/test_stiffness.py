@@ -144,6 +144,7 @@ def test_every_error_enters_the_covariance_by_its_derivative(rigidity_sigma: flo
     assert stated / size == pytest.approx(expected / size, abs=1e-2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ratio", [1.0, math.inf])
 def test_its_covariance_is_honest(ratio: float, random: np.random.Generator) -> None:
     # Not x_c or the force beside them: the mean of the pairs errs to second order in the noise, and

@@ -52,6 +52,7 @@ def test_a_second_root_is_told() -> None:
     assert "other inclinations" not in three_point(inclined(aside, 1e-8)).message
 
 
+@pytest.mark.thorough
 def test_under_noise_it_errs_as_much_as_it_says(random: np.random.Generator) -> None:
     errors, pulls = [], []
     for psi in np.radians([0, 20, 40]):

@@ -67,6 +67,7 @@ def pulls(estimate: Estimate, state: State) -> list[float]:
     return [(estimate.values[k] - v) / estimate.sigma(k) for k, v in truths(state).items()]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("gap", "angle"), [(1.5e-3, 0.1), (3e-3, 0.5)])
 def test_both_contacts_are_within_their_sigmas(gap: float, angle: float) -> None:
     state = between_pegs(gap, angle)
@@ -82,6 +83,7 @@ def test_both_contacts_are_within_their_sigmas(gap: float, angle: float) -> None
     assert (np.sqrt(np.mean(np.square(errors), axis=0)) < 2.1).all()
 
 
+@pytest.mark.thorough
 def test_both_contacts_of_a_beam_of_unknown_taper_are_within_their_sigmas() -> None:
     state = between_pegs(3e-3, 0.2, tip=0.8)
     shape = stated_shape(taper=0.2, softness=0.001, section=0.02, friction=0.1)

@@ -71,6 +71,7 @@ def test_errors_are_within_the_stated_sigmas(spec: SetSpec) -> None:
     assert 0.3 < math.sqrt(np.mean(np.square(every))) < 1.7
 
 
+@pytest.mark.thorough
 def test_marks_determine_the_view_and_without_them_it_is_an_assumption() -> None:
     spec = SetSpec(known_places=False)
     without, marked = answered(drawn_set(21, spec)), answered(drawn_set(21, replace(spec, marks=6)))
@@ -85,6 +86,7 @@ def test_marks_determine_the_view_and_without_them_it_is_an_assumption() -> None
     assert not any("marks" in note for note in marked.notes)
 
 
+@pytest.mark.thorough
 def test_without_a_force_and_ei_only_ratios_follow() -> None:
     drawn = drawn_set(31, replace(QUIET, rest=1, loads=2, known_forces=0, rigidity_stated=False))
     answer = answered(drawn)
@@ -101,6 +103,7 @@ def test_without_a_force_and_ei_only_ratios_follow() -> None:
     assert any("only force_over_rigidity_per_mm2 follows" in note for note in answer.notes)
 
 
+@pytest.mark.thorough
 def test_a_beam_with_two_loads_is_left_out_and_points_off_the_beam_are_rejected() -> None:
     drawn = drawn_set(41, SetSpec(marks=4))
     last, second = drawn.shown[-1].beam, drawn.shown[-2].beam
@@ -150,6 +153,7 @@ def test_a_wrong_force_is_named() -> None:
     assert any("load.force_n is" in note for note in answer.notes)
 
 
+@pytest.mark.thorough
 def test_photographs_without_a_beam_have_an_outcome() -> None:
     drawn = drawn_set(61, SetSpec(rest=1, loads=1))
     shown = [None, None]

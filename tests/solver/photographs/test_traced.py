@@ -34,6 +34,7 @@ def drawn(
     return photo, traced_beam(photo.image, clamp, tip)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("width_px", "rmse_px", "scale"),
     [(1, 0.2, 1), (2, 0.15, 1), (5, 0.08, 1), (15, 0.05, 1), (60, 0.06, 2)],
@@ -51,6 +52,7 @@ def test_a_beam_on_a_plain_table_is_traced(width_px: float, rmse_px: float, scal
     assert (np.diff(np.linalg.norm(along, axis=1)) > 0).all()  # from the clamp to the tip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("width_px", "look"), [(2, DARK), (8, WOOD), (15, WOOD), (20, GLOSSY)])
 def test_sigmas_hold_on_a_textured_table_with_grain(width_px: float, look: Look) -> None:
     pulls, shares = [], []

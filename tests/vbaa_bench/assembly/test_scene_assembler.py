@@ -29,6 +29,7 @@ def noise(radiance: Floats) -> Floats:
     return np.asarray(0.1 * radiance + 0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pattern", ["squares", "plain", "textured"])
 def test_the_first_frame_leaves_no_trace(pattern: str, tmp_path: Path, variant: str) -> None:
     activate(variant, 2)

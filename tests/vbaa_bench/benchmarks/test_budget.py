@@ -242,6 +242,7 @@ def stage(antenna: Antenna, world: TrueWorld, cause: Cause) -> Stage:
     return stages_of(antenna, world)[CAUSES.index(cause)]
 
 
+@pytest.mark.thorough
 def test_the_command_writes_what_the_report_reads(
     dataset: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -150,6 +150,7 @@ of_no_type.information = "everything"
 """
 
 
+@pytest.mark.thorough
 def test_a_method_runs_twice_in_its_own_processes(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -95,6 +95,7 @@ def test_order_and_names_of_a_random_scene_do_not_leak(clean: list[LeakFrame]) -
     assert all(0 < test.chance < 0.1 for test in tests)
 
 
+@pytest.mark.thorough
 def test_the_encoder_of_single_frames_does_not_leak_even_at_equal_deflections(
     tmp_path: Path,
 ) -> None:
@@ -250,6 +251,7 @@ def test_chunks_of_a_png_are_listed_in_their_order(random: np.random.Generator) 
         png_chunks(data[:-3])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("planted", [False, True], ids=["clean", "ordered"])
 def test_a_dataset_and_a_collection_are_read_and_tested(
     dataset: Path, tmp_path: Path, planted: bool

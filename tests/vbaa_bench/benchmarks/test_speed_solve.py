@@ -51,6 +51,7 @@ def methods(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return list(mine)
 
 
+@pytest.mark.thorough
 def test_every_method_has_its_times_and_its_error(dataset: Path, methods: list[str]) -> None:
     measured = measure(dataset / "observations", methods, 10, 2)
     truth = open_truth(dataset / "truth")
@@ -98,6 +99,7 @@ def test_whole_pushes_are_chosen_spread_evenly_in_the_order_of_their_steps() -> 
     assert len(chosen(alone, 3)) == 3
 
 
+@pytest.mark.thorough
 def test_the_command_says_what_the_issue_of_speed_asks(dataset: Path) -> None:
     line = ["speed", str(dataset), "--method", "exact_fit", "--repeats", "1"]
     done = CliRunner().invoke(cli.app, [*line, "--no-first-ever", "--json"])
@@ -140,6 +142,7 @@ def test_a_first_start_finds_nothing_compiled_and_a_cold_one_what_there_is(
     assert found["exact_fit"] == {"cold_start": {"total_s": 4}, "first_start": {"total_s": 5}}
 
 
+@pytest.mark.thorough
 def test_a_mistake_is_one_sentence(dataset: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="method 'magic' is unknown, allowed is one of two_point"):
         measure_apart(dataset / "observations", ["magic"], 1, 1)

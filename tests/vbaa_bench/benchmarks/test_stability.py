@@ -88,6 +88,7 @@ def test_amplification_is_what_a_fit_states(name: str, deflection: float) -> Non
         assert 0.97 < sigma / (out * SIGMA_PX * PIXEL) < widest
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["two_point", "exact_fit"])
 def test_amplification_is_the_scatter_of_noisy_frames(
     name: str, random: np.random.Generator
@@ -104,6 +105,7 @@ def test_amplification_is_the_scatter_of_noisy_frames(
     assert found["x_c_pct_L_per_px"] == pytest.approx(scatter, rel=0.5)  # 7 to 10 % by chance
 
 
+@pytest.mark.thorough
 def test_every_method_has_its_numbers(record: stability.Record) -> None:
     assert set(record["methods"]) == set(METHODS)
     json.dumps(record, allow_nan=False)

@@ -124,6 +124,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_a_perturbation_changes_what_it_says_and_is_repeatable(row: Row) -> None:
     if row.name.startswith("h264"):
@@ -424,6 +425,7 @@ def test_a_perturbed_tree_keeps_names_readings_and_order(dataset: Path, tmp_path
     assert len(old.board_views) == len(new.board_views)
 
 
+@pytest.mark.thorough
 def test_one_rig_from_end_to_end(dataset: Path) -> None:
     rows = {row.name: row for row in ROWS}
     clean, mirrored = (

@@ -68,6 +68,7 @@ def test_a_preview_that_cannot_be_written_renders_nothing(
     assert "cannot be written" in str(done.exception)
 
 
+@pytest.mark.thorough
 def test_a_plan_counts_the_scene_and_states_a_range(tmp_path: Path) -> None:
     path = tmp_path / "tiny.yaml"
     path.write_text(TINY_SCENE, encoding="utf-8")
@@ -81,6 +82,7 @@ def test_a_plan_counts_the_scene_and_states_a_range(tmp_path: Path) -> None:
     assert cost.memory_gb is None or 0.3 < cost.memory_gb < 30
 
 
+@pytest.mark.thorough
 def test_a_probe_ends_when_its_time_is_over(
     noisy_scene: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,6 +109,7 @@ def test_what_is_measured_before_the_end_of_a_probe_counts() -> None:
     assert results == ["measured"]
 
 
+@pytest.mark.thorough
 def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
     path = tmp_path / "rigs.yaml"
     # Each probed rig is generated as a whole: one push of two frames, in small images.

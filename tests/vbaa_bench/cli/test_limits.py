@@ -24,6 +24,7 @@ def command(
     return CommandLine(cli.main, capfd)
 
 
+@pytest.mark.thorough
 def test_a_scene_is_answered_as_table_page_and_csv(
     command: CommandLine, small_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -312,6 +312,7 @@ def test_files_of_a_collection_are_verified_and_merged(
         merge([parts[0], other], tmp_path / "both")
 
 
+@pytest.mark.thorough
 def test_an_error_of_a_file_or_of_a_folder_is_no_property_of_a_rig(
     drawn_rigs: SceneFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -38,6 +38,7 @@ def contents(root: Path) -> dict[str, str]:
     return {path.relative_to(root).as_posix(): sha256(path) for path in files}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", FORMATS)
 def test_an_interrupted_export_continues_to_the_same_bytes(
     tmp_path: Path, data: Path, name: str, monkeypatch: pytest.MonkeyPatch

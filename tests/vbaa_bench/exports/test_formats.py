@@ -39,6 +39,7 @@ def image_of(root: Path, frame_id: str) -> Any:
     return read_grey(path)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", FORMATS)
 @pytest.mark.parametrize("most_bytes", [None, SMALL_FILE])
 def test_all_formats_export_splits_and_collections(
@@ -150,6 +151,7 @@ def test_csv_is_flat(tmp_path: Path) -> None:
     assert all((out / path).is_file() for path in table["file_name"])
 
 
+@pytest.mark.thorough
 def test_what_a_format_cannot_hold_is_refused_in_one_sentence(tmp_path: Path) -> None:
     deep = write_dataset(tmp_path / "deep", DEEP)
     with pytest.raises(InputError, match="its images have 16 bits, those of LeRobot 8"):

@@ -120,6 +120,7 @@ def test_an_image_at_which_processes_die_ends_the_dataset_with_one_sentence(tmp_
     assert not missing.layout.all_aside()
 
 
+@pytest.mark.thorough
 def test_an_image_at_which_processes_die_costs_its_rig_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -216,6 +217,7 @@ def test_a_frame_that_cannot_be_rendered_is_recorded(
     assert digests(layout.root) == before
 
 
+@pytest.mark.thorough
 def test_a_dataset_has_one_metering_whatever_happens_to_its_frames(
     file: SceneFile, variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -248,6 +250,7 @@ def test_a_dataset_has_one_metering_whatever_happens_to_its_frames(
         generate(file, layout.root, variant, 0, quiet)
 
 
+@pytest.mark.thorough
 def test_an_impossible_push_is_recorded_by_the_command(
     variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

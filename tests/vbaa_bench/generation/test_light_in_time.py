@@ -113,6 +113,7 @@ def test_a_level_scales_frames_but_not_the_beam_at_rest(laboratory: Laboratory) 
     assert (one == other).all()
 
 
+@pytest.mark.thorough
 def test_a_rolling_shutter_shows_the_beam_where_it_is_when_its_row_is_exposed(
     laboratory: Laboratory,
 ) -> None:

@@ -29,6 +29,7 @@ def _clutter(world: World) -> Floats:
     return np.vstack([world.vertices[name] for name in CLUTTER if name in world.names])
 
 
+@pytest.mark.thorough
 def test_clutter_is_the_same_at_rest_as_in_frames(tmp_path: Path, variant: str) -> None:
     """Although the object, whose way it must not be in, is drawn for each push and rest image."""
     path = tmp_path / "scene.yaml"
@@ -63,6 +64,7 @@ def test_a_beam_has_the_same_dirt_at_rest_as_in_frames(tmp_path: Path, per: str)
     assert len(set(patterns)) == count[per]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("knock", [0, 3])
 def test_a_camera_that_was_knocked_shows_the_ground_elsewhere(
     tmp_path: Path, variant: str, knock: int

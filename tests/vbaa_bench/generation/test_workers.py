@@ -51,6 +51,7 @@ def test_a_worker_that_does_not_finish_its_piece_ends_with_an_interrupt(
     assert not multiprocessing.active_children()
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="memory is not measured there")
 @pytest.mark.parametrize(("growth_mb", "jobs_each"), [(-1.0, 1), (60.0, 3), (1e6, 6)])
 def test_a_worker_whose_memory_has_grown_is_replaced_after_its_job(
@@ -190,6 +191,7 @@ with first_start.fits_compiled_beside(None):
 """
 
 
+@pytest.mark.thorough
 def test_no_process_imports_from_the_folder_where_it_starts(tmp_path: Path) -> None:
     traps, script = tmp_path / "traps", tmp_path / "script.py"
     script.write_text(FROM_A_FOLDER_OF_TRAPS, encoding="utf-8")
@@ -242,6 +244,7 @@ main()
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("code", [IMPORTING, RUNNING], ids=["the_command", "what_it_needs"])
 def test_an_interrupt_while_importing_is_no_traceback(code: str) -> None:
     command = [sys.executable, "-c", code]

@@ -74,6 +74,7 @@ def spread_over(triangles: Floats, parts: int) -> Floats:
     return np.asarray(np.einsum("kj,fjx->fkx", weights, triangles).reshape(-1, 3))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("radius", [0.5e-3, 5e-3, 0.05])
 def test_round_objects_are_round_to_a_micrometre_where_they_are_touched(radius: float) -> None:
     for mesh, across in ((cylinder(radius, -0.01, 0.002), [0, 1]), (sphere(radius), [0, 1, 2])):
@@ -137,6 +138,7 @@ def test_a_plunger_cannot_be_pressed_beyond_its_solid_coil() -> None:
         plunger(0.003, -0.001, 0.01, -0.004, 0.003)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("dent", [1e-5, 0.2e-3, 0.9e-3, 2e-3])
 @pytest.mark.parametrize("face_radius", [0.0101, 0.05, 1.0])
 @pytest.mark.parametrize("radius", [0.1e-3, 0.4e-3, 1e-3])

@@ -57,6 +57,7 @@ def test_dirt_that_looks_like_a_shift_hides_it() -> None:
     assert 0 < saturated[SHIFT, SHIFT] < clean
 
 
+@pytest.mark.thorough
 def test_the_density_of_a_drawn_pattern_is_that_of_its_field() -> None:
     """The correlation exp(-r / a) has the density 2 a / (1 + (2 pi f a)^2) along the beam."""
     grime = {"smudge_contrast": 0.2, "smudge_mm": 2.0, "dust_mm": 0.5, "uneven_gloss": 0.0}
@@ -77,6 +78,7 @@ def test_the_density_of_a_drawn_pattern_is_that_of_its_field() -> None:
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.31)
 
 
+@pytest.mark.thorough
 def test_a_clean_beam_has_none_and_a_dirty_one_a_larger_limit(variant: str) -> None:
     activate(variant, 1)
     clean_scene = Scene(title="Clean", seed=scene_seed(1), pushes=PUSHES).scene

@@ -58,6 +58,7 @@ def test_a_soft_clamp_turns_with_the_push_and_against_the_pushing_angle() -> Non
     assert softness == pytest.approx(-moment * of_push.of_angle[0, 1], rel=2e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("key", "little", "much"),
     [

@@ -122,6 +122,7 @@ def test_a_soft_object_drags_from_its_first_stride_on() -> None:
         assert drag(last) == pytest.approx(0.6, rel=1e-8)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("strides", [24, 96])
 def test_a_beam_turns_on_its_thickness_before_it_slides_towards_the_clamp(strides: int) -> None:
     """The surface slides back by r (theta - angle), and on by what the bent beam is longer.

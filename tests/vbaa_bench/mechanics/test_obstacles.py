@@ -258,6 +258,7 @@ def test_a_beam_on_the_upper_ridge_alone_is_found() -> None:
     same(push_one(ROD, obstacle(BEAM, 0.14), 0.14, angle=0.1), state, 1e-10)
 
 
+@pytest.mark.thorough
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(st.sampled_from(["ball", "box", "prism"]), st.integers(0, 1000))
 def test_a_beam_never_passes_through_a_mesh(kind: str, seed: int) -> None:

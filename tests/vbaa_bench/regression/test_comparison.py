@@ -63,6 +63,7 @@ def test_a_change_in_one_stratum_is_reported_there() -> None:
     assert not reported & {("force error", f"push {step} %") for step in (STEPS[0], STEPS[2])}
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(3e-6, "binomial, more than 4 of 100 at 0.2 %, as of 600 pairs")
 def test_unchanged_methods_with_other_noise_hardly_raise_an_alarm() -> None:
     alarms = [compared(run(2 * n), run(2 * n + 1)) for n in range(100)]
@@ -81,6 +82,7 @@ def test_a_method_three_times_worse_is_found_through_other_noise() -> None:
     assert verdicts.count("worse") >= 5
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(1e-5, "binomial, of 150 pairs 99 % are found, without an alarm")
 @pytest.mark.parametrize("same_images", [True, False])
 def test_a_slower_method_is_found_and_machine_noise_is_not(same_images: bool) -> None:

@@ -26,6 +26,7 @@ def alarms(tables: list[Changes]) -> int:
     )
 
 
+@pytest.mark.thorough
 @RARELY
 @pytest.mark.parametrize("pushes", [9, 60])
 def test_a_whole_table_of_correlated_heavy_tails_rarely_alarms(

@@ -100,6 +100,7 @@ def test_every_surface_has_its_index(world: World, seen: Layers) -> None:
     assert (seen.arc_length_mm[seen.object_index != 1] == 0).all()
 
 
+@pytest.mark.thorough
 def test_tracing_chosen_pixels_agrees_with_the_renderer(world: World, seen: Layers) -> None:
     v, u = np.nonzero(seen.beam_mask)
     pixels = np.column_stack([u, v])
@@ -122,6 +123,7 @@ def test_the_variance_is_that_from_picture_to_picture(world: World, seen: Layers
     assert stated == pytest.approx(spread, rel=0.3)
 
 
+@pytest.mark.thorough
 def test_the_same_seed_gives_the_same_bits_whatever_came_before(
     assembler: SceneAssembler, world: World, poses: list[Pose], seen: Layers, ground: StaticLayer
 ) -> None:

@@ -89,6 +89,7 @@ def test_it_is_what_rays_to_the_lamp_meet(lamp: trimesh.Trimesh, rise: float) ->
     assert hidden[0] > 0.01
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shift", [0.0, 0.5, 30.0])
 def test_the_mean_does_not_depend_on_the_strip(shift: float) -> None:
     """`shift` is by how many radii the strip is wrong."""
@@ -113,6 +114,7 @@ def test_the_mean_does_not_depend_on_the_strip(shift: float) -> None:
     assert error < 0.05 * abs(one.mean())
 
 
+@pytest.mark.thorough
 def test_shadows_have_less_noise() -> None:
     world = world_of(ABOVE, 0.0)
     pixels = np.mgrid[0:40:3, 0:56:3].reshape(2, -1).T[:, ::-1]
@@ -160,6 +162,7 @@ def test_places_outside_of_an_array_have_the_index_of_its_end() -> None:
     assert np.asarray(index_of(places, 3)).tolist() == [0, 0, 0, 0, 1, 2, 2, 2, 2, 0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("distortion", [(), (-0.3, 0.0, 0.0, 0.0, 0.0)], ids=["ideal", "distorted"])
 def test_a_world_that_moves_renders_what_it_renders_anew(distortion: tuple[float, ...]) -> None:
     """Kernels are recorded for the beam's first place, and repeated for the others."""

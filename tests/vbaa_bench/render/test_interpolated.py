@@ -41,6 +41,7 @@ def rendered(
     return radiance, variance
 
 
+@pytest.mark.thorough
 def test_the_mean_is_the_image_and_the_variance_is_stated(random: np.random.Generator) -> None:
     image, where = shadow(), np.ones(SHAPE, np.bool_)
     where[:, 60:] = False

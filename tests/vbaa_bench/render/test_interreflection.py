@@ -68,6 +68,7 @@ def test_the_radiance_is_that_of_plain_mitsuba(world: World, plain: Floats) -> N
     agree(bands(np.reshape(ours, plain.shape)), bands(plain))
 
 
+@pytest.mark.thorough
 def test_frames_on_the_static_layer_have_it_too(world: World, plain: Floats) -> None:
     target = NoiseTarget(lambda radiance: 0.1 * radiance + 1e-4)
     ours = []

@@ -82,6 +82,7 @@ def measured(scene: Scene, at: Floats, facing: Floats, unit: float = 0.4e-3) -> 
     return float(np.mean(np.asarray(image)) * np.pi / 0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", FROM)
 def test_a_sheet_at_the_aim_gets_the_stated_irradiance(kind: str) -> None:
     scene = scene_under({"kind": kind, "irradiance": 3.0})
@@ -89,6 +90,7 @@ def test_a_sheet_at_the_aim_gets_the_stated_irradiance(kind: str) -> None:
     assert got == pytest.approx(3.0, rel=0.02)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [None, "side", "environment"])
 def test_ambient_light_adds_its_irradiance(kind: str | None) -> None:
     lamps: tuple[dict[str, Any], ...] = () if kind is None else ({"kind": kind, "irradiance": 2.0},)

@@ -87,6 +87,7 @@ def test_a_point_spreads_as_a_gaussian() -> None:
     assert wide.sum() == pytest.approx(sharp.sum(), rel=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("height", [-0.06, 0.05])
 def test_out_of_focus_a_point_is_a_disc(height: float) -> None:
     point, side, aperture, focus = np.array([[0.12, 0.0, height]]), 3e-3, 20e-3, 0.36

@@ -105,6 +105,7 @@ def roads(
     return lambda tolerance_px, pairs: roads_of(small_scene, variant, tolerance_px, folder, pairs)
 
 
+@pytest.mark.thorough
 def test_the_mesh_shows_the_smooth_beam(roads: Callable[[float, int], Roads]) -> None:
     seen = roads(0.002, 2)
     assert seen.apart < 1e-4
@@ -121,6 +122,7 @@ def test_the_mesh_shows_the_smooth_beam(roads: Callable[[float, int], Roads]) ->
     assert abs(mesh[:, inner].sum() / curve[:, inner].sum() - 1) < 2e-3
 
 
+@pytest.mark.thorough
 def test_a_coarse_mesh_is_told_from_the_smooth_beam(roads: Callable[[float, int], Roads]) -> None:
     seen = roads(0.2, 2)
     mesh, curve = seen.mesh.mean(axis=0), seen.curve.mean(axis=0)

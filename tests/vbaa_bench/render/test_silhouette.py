@@ -65,6 +65,7 @@ def test_its_overlap_is_what_the_beam_covers(
     assert (coverage[~touched] == 0).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shift_px", [0.0, 0.2, -0.6, 5.0])
 def test_the_mean_does_not_depend_on_the_silhouette(world: World, shift_px: float) -> None:
     world.move({"beam": beam(0.8, 30.0, 0.2)})

@@ -15,7 +15,10 @@ from vbaa_bench.report.page import page
 BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="Chromium is not installed")
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.skipif(BROWSER is None, reason="Chromium is not installed"),
+]
 
 # Runs in the page; its findings go to the frame around it.
 _PROBE = """

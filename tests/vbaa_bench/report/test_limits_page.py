@@ -116,6 +116,7 @@ parent.postMessage({
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(BROWSER is None, reason="Chromium is not installed")
 def test_the_page_fits_a_narrow_and_a_wide_window(html: str, tmp_path: Path) -> None:
     # The page itself has no script.

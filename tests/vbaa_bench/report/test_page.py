@@ -160,6 +160,7 @@ def test_what_changed_since_a_baseline_is_shown_with_its_history(tmp_path: Path)
     ]
 
 
+@pytest.mark.thorough
 def test_without_limits_errors_are_in_per_cent(html: str) -> None:
     plain = page(contents(scores(200))).html
     assert "information limit" in html

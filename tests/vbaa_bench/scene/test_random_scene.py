@@ -145,6 +145,7 @@ def test_mistakes_are_named(tmp_path: Path, text: str, message: str) -> None:
         scene(tmp_path, text + "\n", pushes)
 
 
+@pytest.mark.thorough
 def test_a_rejected_draw_is_drawn_again(tmp_path: Path) -> None:
     """A third of the lamps would be below the camera: these rigs get other lamps."""
     file = scene(tmp_path, "light: {height_mm: {uniform: [300, 480]}}\n")

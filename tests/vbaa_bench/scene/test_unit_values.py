@@ -17,6 +17,7 @@ def values(count: int, method: Method, key: str = "beam.length_mm", seed: int = 
     return np.array([unit_value(seed, method, Draw("rig", n), key) for n in range(count)])
 
 
+@pytest.mark.thorough
 @given(seed=SEEDS, key=st.text(max_size=20), exponent=st.integers(0, 7))
 @settings(max_examples=30)
 def test_sobol_has_one_value_in_each_equal_interval(seed: int, key: str, exponent: int) -> None:

@@ -50,6 +50,7 @@ def solved(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Results:
     return results
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "centreline"), [("two_point", "profile_fit"), (PAPER, "area_weighted")]
 )
@@ -70,6 +71,7 @@ def test_the_process_of_a_method_measures_as_was_asked_for(
     assert found.is_nan().to_list() == [False, True, False, False]
 
 
+@pytest.mark.thorough
 def test_all_scores_stand_side_by_side(solved: Results) -> None:
     summary = json.loads((solved.scores / "summary.json").read_text(encoding="utf-8"))
     assert list(summary["methods"]) == ["two_point", PAPER]

@@ -125,6 +125,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     assert not list(temporary.iterdir())
 
 
+@pytest.mark.thorough
 def test_where_the_judge_is_killed_its_method_and_its_folder_go_too(
     dataset: Path, tmp_path: Path
 ) -> None:
@@ -170,6 +171,7 @@ def test_what_cannot_be_written_is_said_before_anything_is_solved(
         solve(Layout(dataset), "exact_fit", tmp_path / "out.csv", 1)
 
 
+@pytest.mark.thorough
 def test_an_earlier_table_is_kept_if_the_method_cannot_be_imported(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -185,6 +187,7 @@ def test_an_earlier_table_is_kept_if_the_method_cannot_be_imported(
     assert not list(tmp_path.glob(".*.part"))
 
 
+@pytest.mark.thorough
 def test_frames_of_a_rig_that_cannot_be_set_up_are_refusals_in_a_report(
     dataset: Path, tmp_path: Path
 ) -> None:

@@ -86,6 +86,7 @@ def solved_rows(dataset: Path, folder: Path, method: str, **limits: Any) -> list
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.thorough
 def test_cheap_tricks_cost_their_frame_and_no_process_is_left(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,6 +108,7 @@ def test_cheap_tricks_cost_their_frame_and_no_process_is_left(
     assert not is_alive(int((tmp_path / "daemon").read_text(encoding="utf-8")))
 
 
+@pytest.mark.thorough
 def test_a_stuck_method_is_given_up_and_its_warm_up_counts(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -158,6 +158,7 @@ def test_stated_sigmas_are_held_against_errors(random: np.random.Generator) -> N
     assert bold["sigma_over_rmse"] == pytest.approx(consistent["sigma_over_rmse"] / 2)
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(
     1e-9, "binomial, 50 to 150 refusals of 150 at 77 %; the length of a message is bounded"
 )
@@ -272,6 +273,7 @@ PINHOLE_SNR_PER_PCT = 2.4 * (700 / 360) * np.sqrt(240 * 700 / 360) / 0.05
 EDGE_ON = {"edge-on", "not identifiable"}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("true", "right"),
     [

@@ -260,6 +260,7 @@ def messages_of_failures(results: Results, method: str, failures: int) -> list[s
     return failed["message"].to_list()
 
 
+@pytest.mark.thorough
 def test_a_method_that_fails_is_rows_with_an_outcome_and_finds_no_truth(
     results: Results, user_methods: str
 ) -> None:
@@ -269,6 +270,7 @@ def test_a_method_that_fails_is_rows_with_an_outcome_and_finds_no_truth(
         assert [sentence in message for message in messages].count(True) == 1, messages
 
 
+@pytest.mark.thorough
 def test_a_method_whose_process_dies_is_rows_with_an_outcome(
     results: Results, user_methods: str
 ) -> None:

@@ -95,6 +95,7 @@ def test_the_same_generator_gives_the_same_frame() -> None:
 
 
 # Electrons of light, and what share of their shot noise the renderer has made already.
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("electrons", "share"),
     [(e, s) for e in (25.0, 400.0, 9000.0) for s in (0.0, 0.3, 0.9)] + [(25.0, 1.1), (400.0, 1.1)],

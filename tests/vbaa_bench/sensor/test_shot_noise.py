@@ -28,6 +28,7 @@ def test_many_shots_have_a_poissons_quantiles(mean: float) -> None:
         assert exact.cdf(drawn - 1, mean) - error < u < exact.cdf(drawn, mean) + error
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("mean", [0.0, 0.3, 4.0, MANY - 0.1, MANY + 0.1, 900.0])
 def test_mean_variance_and_skewness_are_a_poissons(
     mean: float, random: np.random.Generator
