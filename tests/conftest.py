@@ -28,7 +28,7 @@ from vbaa_bench.scene.load import load_scene
 _LONGEST: Final = (
     "end_to_end/test_generate.py",
     "vbaa_bench/generation/test_failures.py",
-    "vbaa_bench/generation/test_workers.py",
+    "vbaa_bench/workers/test_pool.py",
     "vbaa_bench/generation/test_same_images.py",
     "vbaa_bench/render/test_frame_rendering.py",
     "vbaa_bench/render/test_interreflection.py",

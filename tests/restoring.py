@@ -9,11 +9,11 @@ from solver.instrument.files import sha256
 from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.dataset_worker import WrittenShard
-from vbaa_bench.generation.job import Ended, Job
 from vbaa_bench.generation.metering_record import MeteringRecord
+from vbaa_bench.workers.jobs import Ended, Job, Workers
 
 
-class Restorer:
+class Restorer(Workers):
     """In the place of a pool of workers: every job copies what it should make from a whole dataset.
 
     `jobs` are those that were asked for.
@@ -24,11 +24,6 @@ class Restorer:
 
     def __init__(self, _count: int, _build: object, arguments: tuple[Any, ...]) -> None:
         self._layout = Layout(arguments[0])
-
-    def __enter__(self) -> "Restorer":
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
 
     def outcomes(self, jobs: deque[Job], _done: object) -> Iterator[Ended]:
         for job in jobs:

@@ -22,7 +22,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"limits"},
         {"generation"},
         {"assembly"},
-        {"render", "sensor"},
+        {"render", "sensor", "workers"},
         {"geometry", "dataset"},
         {"scene", "mechanics"},
     ],

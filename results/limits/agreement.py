@@ -19,7 +19,6 @@ from results.limits.rendered_beam import STEP_PX
 from results.limits.rendered_profile import RenderedProfiles, rendered_profiles
 from solver.instrument.arrays import Floats
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.generation.workers import cores
 from vbaa_bench.limits.frame_information import PlacesInformation, frame_information
 from vbaa_bench.limits.image_shape import CONTACT, PLACES, ImagedBeam, ImageShape, image_shape
 from vbaa_bench.limits.named_information import Information
@@ -32,6 +31,7 @@ from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.scene.frames import FrameSpec, frame_specs
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import true_rig
+from vbaa_bench.workers.resources import cores
 
 # A vertical shift of the whole image.
 _SHIFT: Final = "cy"

@@ -34,7 +34,6 @@ from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.dataset.exr import write_exr
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering, metered_frames
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.frame import (
     NoiseTarget,
     RenderedRadiance,
@@ -47,6 +46,7 @@ from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.random_streams import random_generator
+from vbaa_bench.workers.resources import cores
 
 # Ours: factors of the scene's noise targets. Plain: samples per pixel.
 _SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)

@@ -18,11 +18,11 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation import generate as generating
-from vbaa_bench.generation import workers
 from vbaa_bench.generation.collection import generate_collection
 from vbaa_bench.generation.generate import Part, generate
-from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.workers import pool as pools
+from vbaa_bench.workers.jobs import SameProcess
 
 SCENE = seeded("""\
 title: Small random rigs
@@ -68,7 +68,7 @@ def test_rigs_do_not_depend_on_workers_order_count_or_part(
     together, apart = tmp_path / "together", [tmp_path / f"part {n}" for n in (1, 2)]
     # Each rig has a fresh worker, as one has whose memory has grown.
     with monkeypatch.context() as patch:
-        patch.setattr(workers, "GROWTH_MB", -1.0)
+        patch.setattr(pools, "GROWTH_MB", -1.0)
         generate_rigs(two, together, workers=1, variant=variant)
     # The others are generated in this process: the start of another takes longer than a rig.
     monkeypatch.setattr(generating, "Pool", SameProcess)

@@ -22,9 +22,9 @@ from vbaa_bench.cli import doctor
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.recorded import write_results
-from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.limits import of_dataset
 from vbaa_bench.render.variant import VARIANTS, Probe
+from vbaa_bench.workers.jobs import SameProcess
 
 SOLVED = {"two_point", "exact_fit"}
 BOUND = {"bound (planar)"}

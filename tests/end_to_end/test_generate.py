@@ -27,11 +27,10 @@ from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.target import FAST
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
-from vbaa_bench.generation.job import WorkerDiedError
-from vbaa_bench.generation.same_process import SameProcess
-from vbaa_bench.generation.workers import Pool
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.workers.jobs import SameProcess, WorkerDiedError
+from vbaa_bench.workers.pool import Pool
 
 
 def digests(root: Path) -> dict[str, str]:

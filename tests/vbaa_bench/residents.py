@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from vbaa_bench.generation.process_memory import own_memory_mb
+from vbaa_bench.workers.resources import own_memory_mb
 
 
 class Grown(NamedTuple):

@@ -20,10 +20,10 @@ from vbaa_bench.api import scene as scene_module
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.plan import check_scene
-from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.scene.rendering import Layer
 from vbaa_bench.scoring.child import Job, MethodRun
 from vbaa_bench.scoring.layout import Results
+from vbaa_bench.workers.jobs import SameProcess
 
 
 @pytest.mark.parametrize("module", [vb, frame_module, scene_module], ids=lambda m: m.__name__)

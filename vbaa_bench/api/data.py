@@ -18,14 +18,14 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.fork import fork_of_collection, fork_of_dataset
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.collection import failed, generate_collection
 from vbaa_bench.generation.generate import Part
 from vbaa_bench.generation.generate import generate as generate_dataset
-from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.report.console import print_line, progress_bars
 from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.workers.cluster import ClusterAddress
+from vbaa_bench.workers.resources import cores
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,12 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.collection import RigGenerator
 from vbaa_bench.generation.dataset_worker import DatasetWorker
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.job import Job
 from vbaa_bench.generation.plan import accepted_rig, plan
-from vbaa_bench.generation.workers import GROWTH_MB, Pool, cores
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.workers.jobs import Job
+from vbaa_bench.workers.pool import GROWTH_MB, Pool
+from vbaa_bench.workers.resources import cores
 
 # Frames that each worker renders, of which the first compiles kernels. Chosen: takes seconds, and
 # gives a rough estimate of the variation between frames.

@@ -10,10 +10,11 @@ from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.frame import rendered_frame
 from vbaa_bench.generation.plan import accepted_rig
-from vbaa_bench.generation.workers import Pool, cores
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.workers.pool import Pool
+from vbaa_bench.workers.resources import cores
 
 # Width of a tile, height of its caption and number of columns. Chosen: fits a screen.
 _TILE_PX, _CAPTION_PX, _COLUMNS = 384, 20, 5

@@ -14,7 +14,6 @@ from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from vbaa_bench.api.data import AnyDataset, dataset_folder
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
-from vbaa_bench.generation.workers import cores
 from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.applicable import applicable
 from vbaa_bench.scoring.child import MAX_FRAME_S, MEMORY_GB, Job, MethodRun, solve_each
@@ -22,6 +21,7 @@ from vbaa_bench.scoring.collection import score_rigs, solve_rigs
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, run_name
 from vbaa_bench.scoring.score import read_scores, with_own
 from vbaa_bench.scoring.score import score as write_scores
+from vbaa_bench.workers.resources import cores
 
 # Name that selects all methods of the solver.
 _ALL_METHODS: Final = "all"

@@ -31,8 +31,8 @@ def check_method(
     """
     with importing():
         from vbaa_bench.benchmarks import check_method as checks
-        from vbaa_bench.generation.workers import cores
         from vbaa_bench.render.variant import choose
+        from vbaa_bench.workers.resources import cores
 
     root = dataset
     if root is None:

@@ -19,7 +19,7 @@ from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed
 from vbaa_bench.cli.view import view
-from vbaa_bench.generation.job import WorkerDiedError
+from vbaa_bench.workers.jobs import WorkerDiedError
 
 # Commands of before, and where they are now.
 MOVED: Final = {

@@ -58,9 +58,9 @@ def stress(
         from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.benchmarks.stress import command
         from vbaa_bench.benchmarks.stress.run import HEADS, TITLE, lines
-        from vbaa_bench.generation.workers import cores
         from vbaa_bench.render.variant import choose
         from vbaa_bench.scene.load import load_scene
+        from vbaa_bench.workers.resources import cores
 
     if out:
         prepare_output_path(out)

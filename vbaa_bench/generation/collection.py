@@ -14,16 +14,16 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import FolderError, locked
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.scene_files import copy_files, file_digests
-from vbaa_bench.generation.cluster_address import ClusterAddress
-from vbaa_bench.generation.deaths import Deaths
+from vbaa_bench.generation.deaths import Deaths, ImageError
 from vbaa_bench.generation.generate import Machine, generate
 from vbaa_bench.generation.impossible import check_files
-from vbaa_bench.generation.job import ImageError, Job
 from vbaa_bench.generation.plan import accepted_rig
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.workers.cluster import ClusterAddress
+from vbaa_bench.workers.jobs import Job, WorkerDiedError
 
 Progress = Callable[[int, int], None]
 
@@ -91,22 +91,22 @@ def _generate(
     results, deaths = list[RigResult](), dict[int, Deaths]()
     jobs = deque(Job("rig", (number, layout.rig(number).root.resolve(), {})) for number in numbers)
     arguments = file, machine.variant, machine.threads_each
+
+    def again(job: Job, death: WorkerDiedError) -> Job | None:
+        number, root, _ = job.arguments
+        of_rig = deaths.setdefault(number, Deaths())
+        try:
+            of_rig.record(Layout(root), None, death)
+        except ImageError as error:
+            _remove_unfinished(Layout(root))
+            row = rig_row(file, number, accepted_rig(file, number).scene, str(error), None)
+            results.append(RigResult(number, row, str(error)))
+            return None
+        return Job("rig", (number, root, of_rig.given_up))
+
     with machine.pool(RigGenerator, arguments, remark) as pool:
-        for ended in pool.outcomes(jobs, lambda done: progress(min(done, total), total)):
-            if ended.death is None:
-                results.append(ended.result)
-            else:
-                number, root, _ = ended.job.arguments
-                of_rig = deaths.setdefault(number, Deaths())
-                try:
-                    of_rig.record(Layout(root), None, ended.death)
-                except ImageError as error:
-                    _remove_unfinished(Layout(root))
-                    scene = accepted_rig(file, number).scene
-                    row = rig_row(file, number, scene, str(error), None)
-                    results.append(RigResult(number, row, str(error)))
-                else:
-                    jobs.append(Job("rig", (number, root, of_rig.given_up)))
+        for ended in pool.survived(jobs, lambda done: progress(min(done, total), total), again):
+            results.append(ended.result)
     progress(total, total)
     return sorted(results)
 

@@ -14,8 +14,8 @@ from vbaa_bench.dataset.aside import Aside, aside
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.writer import ShardWriter, shard_writer
+from vbaa_bench.generation.deaths import ImageError
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, RenderedFrame
-from vbaa_bench.generation.job import ImageError
 from vbaa_bench.generation.metering_record import MeteringRecord
 from vbaa_bench.generation.pushes import Pushes
 from vbaa_bench.scene.files import SceneFileError

@@ -4,9 +4,10 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Final
 
+from solver.instrument.errors import InputError
 from vbaa_bench.dataset.aside import Rendering, clear_aside
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.job import ImageError, WorkerDiedError
+from vbaa_bench.workers.jobs import WorkerDiedError
 
 # Deaths of processes that rendered the same frame or image, after which it is given up. Chosen: a
 # single death has other reasons, such as a lack of memory or a person who ends the process.
@@ -16,6 +17,10 @@ FATAL: Final = 2
 MAX_DEATHS: Final = 5
 # Reason why a frame that was given up is missing.
 DIED: Final = "the process that rendered it died"
+
+
+class ImageError(InputError):
+    """An image cannot be rendered without which there is no dataset."""
 
 
 @dataclass

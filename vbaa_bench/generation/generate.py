@@ -15,20 +15,20 @@ from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.lock import FolderError, locked
 from vbaa_bench.dataset.manifest import seal
 from vbaa_bench.dataset.scene_files import check_copies, copy_files
-from vbaa_bench.generation.cluster import ClusterPool
-from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.dataset_worker import dataset_worker
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.metering_record import recorded_metering
 from vbaa_bench.generation.missing_files import MissingFiles, shard_hashes
 from vbaa_bench.generation.plan import check_scene
-from vbaa_bench.generation.same_process import SameProcess
-from vbaa_bench.generation.workers import Pool, cores
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.workers.cluster import ClusterAddress, ClusterPool
+from vbaa_bench.workers.jobs import SameProcess, Workers
+from vbaa_bench.workers.pool import Pool
+from vbaa_bench.workers.resources import cores
 
 Progress = Callable[[int, int], None]
 
@@ -46,8 +46,8 @@ class Machine(NamedTuple):
 
     def pool(
         self, build: Callable[..., Any], arguments: tuple[Any, ...], remark: Callable[[str], None]
-    ) -> Pool | SameProcess | ClusterPool:
-        """Prepare the processes, each of which builds an object."""
+    ) -> Workers:
+        """Return the processes, each of which builds an object."""
         if self.cluster is not None:
             return ClusterPool(self.cluster, build, arguments, remark)
         return (Pool if self.workers else SameProcess)(self.workers, build, arguments)

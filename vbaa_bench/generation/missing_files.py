@@ -1,9 +1,8 @@
 """Generation of the files that a dataset lacks, by workers that may die."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.inventory import Contents, Inventory
@@ -11,16 +10,9 @@ from vbaa_bench.dataset.layout import Layout, shard_name
 from vbaa_bench.generation.dataset_worker import WrittenShard, image_job
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.job import Ended, Job
 from vbaa_bench.generation.metering_record import MeteringRecord, write_metering
 from vbaa_bench.scene.frames import FrameName
-
-
-class Workers(Protocol):
-    """Processes that run jobs; see Pool."""
-
-    def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:
-        """Run jobs, to which more may be added meanwhile, and yield each when it has ended."""
+from vbaa_bench.workers.jobs import Job, WorkerDiedError, Workers
 
 
 @dataclass
@@ -61,30 +53,36 @@ class MissingFiles:
         metering = record.metering
         jobs = deque(Job("image", (name, metering.exposure)) for name in images)
         jobs.extend(self._shard_job(number, metering) for number in numbers)
-        for ended in workers.outcomes(jobs, lambda done: progress(total - missing + done, total)):
+        done_before = total - missing
+        for ended in workers.survived(
+            jobs, lambda done: progress(done_before + done, total), self._again
+        ):
             name = ended.job.arguments[0]
             if ended.job.method == "image":
-                if ended.death is not None:
-                    self.deaths.record(self.layout, image_job(name), ended.death)
-                    jobs.append(ended.job)
-                else:
-                    observations[name] = ended.result
-            elif ended.death is not None:
-                self.deaths.record(self.layout, shard_name(name), ended.death)
-                jobs.append(self._shard_job(name, metering))
+                observations[name] = ended.result
             else:
                 self._record(name, ended.result)
         return metering
 
     def _metered(self, workers: Workers) -> MeteringRecord:
-        jobs = deque([Job("meter", (dict(self.deaths.given_up),))])
-        for ended in workers.outcomes(jobs, lambda _done: None):
-            if ended.death is None:
-                record: MeteringRecord = ended.result
-            else:
-                self.deaths.record(self.layout, "meter", ended.death)
-                jobs.append(Job("meter", (dict(self.deaths.given_up),)))
+        (ended,) = workers.survived(deque([self._meter_job()]), lambda _done: None, self._again)
+        record: MeteringRecord = ended.result
         return record
+
+    def _again(self, job: Job, death: WorkerDiedError) -> Job:
+        """Record that the process of a job has died; return the job without what it died of."""
+        if job.method == "meter":
+            self.deaths.record(self.layout, "meter", death)
+            return self._meter_job()
+        if job.method == "image":
+            self.deaths.record(self.layout, image_job(job.arguments[0]), death)
+            return job
+        number, _, metering, _ = job.arguments
+        self.deaths.record(self.layout, shard_name(number), death)
+        return self._shard_job(number, metering)
+
+    def _meter_job(self) -> Job:
+        return Job("meter", (dict(self.deaths.given_up),))
 
     def _shard_job(self, number: int, metering: Metering) -> Job:
         given_up = {

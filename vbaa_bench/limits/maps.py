@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.units import MILLIMETRE, PERCENT
-from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits.designs import Design
 from vbaa_bench.limits.places import Grid, Place, places, rig_of_map
 from vbaa_bench.limits.table import SCHEMA as LIMITS
@@ -16,6 +15,7 @@ from vbaa_bench.limits.table import LimitsOfPushes
 from vbaa_bench.limits.visible_places import visible_by_plan
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.workers.pool import Pool
 
 Progress = Callable[[int, int], None]
 _LIMITS: Final = tuple(name for name in LIMITS if "_limit_" in name)

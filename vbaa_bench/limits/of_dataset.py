@@ -18,7 +18,6 @@ from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.table import SCHEMA, LimitsOfPushes
 from vbaa_bench.limits.visible_places import visible_in_image
@@ -27,6 +26,7 @@ from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import recorded_scene
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.workers.pool import Pool
 
 Progress = Callable[[int, int], None]
 # Starts and ends of hidden stretches [mm] by frame.

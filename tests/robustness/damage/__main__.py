@@ -11,8 +11,8 @@ from solver.lab.writing import prepare_output_path, write
 from tests.robustness.damage import page
 from tests.robustness.damage.trials import run_trials
 from vbaa_bench.cli.options import AsJson, DatasetPath, Workers
-from vbaa_bench.generation.workers import cores
 from vbaa_bench.report.console import print_result, progress_bars, show_table
+from vbaa_bench.workers.resources import cores
 
 app = typer.Typer()
 

@@ -11,7 +11,7 @@ from tests.robustness.damage import page, readers, trials
 from tests.robustness.damage.__main__ import app
 from tests.robustness.damage.damages import DAMAGES, kind_of
 from tests.robustness.damage.trials import CRASHED, REFUSED, SAME, SILENT, run_trials
-from vbaa_bench.generation.same_process import SameProcess
+from vbaa_bench.workers.jobs import SameProcess
 
 
 def careless(root: Path) -> str:

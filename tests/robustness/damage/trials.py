@@ -21,7 +21,7 @@ from tests.robustness.damage.damages import DAMAGES, kind_of
 from tests.robustness.damage.readers import READERS
 from vbaa_bench.dataset.faults import Fault
 from vbaa_bench.dataset.verify import Counts, faults
-from vbaa_bench.generation.workers import Pool
+from vbaa_bench.workers.pool import Pool
 
 # Outcomes of a command: it reports the damage by an InputError, gives the same bytes as before,
 # gives other bytes without a message, or ends with another error.

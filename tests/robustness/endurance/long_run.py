@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from tests.robustness.endurance.runs import children, last_message, started, write_scene
-from vbaa_bench.generation.process_memory import memory_mb
+from vbaa_bench.workers.resources import memory_mb
 
 _PER_SHARD: Final = 50
 # Seconds between samples. Chosen: hundreds of samples of a run of an hour.

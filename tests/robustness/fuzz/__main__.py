@@ -11,8 +11,8 @@ from solver.lab.writing import prepare_output_path, write
 from tests.robustness.fuzz import command
 from tests.robustness.fuzz.material import prepare
 from vbaa_bench.cli.options import AsJson, Workers
-from vbaa_bench.generation.workers import cores
 from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
+from vbaa_bench.workers.resources import cores
 
 _COUNT = typer.Option(min=0, max=10_000_000, help="number of cases")
 

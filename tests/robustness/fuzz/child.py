@@ -36,7 +36,7 @@ from tests.robustness.fuzz.case import (
     verdict,
 )
 from tests.robustness.fuzz.watch import Watch, changes, listing
-from vbaa_bench.generation.process_memory import memory_mb
+from vbaa_bench.workers.resources import memory_mb
 
 # Data segment [bytes] beyond that of an idle process; twice the allowed memory.
 _DATA_SEGMENT: Final = int(2 * MEMORY_LIMIT_MB * 1e6)

@@ -7,7 +7,6 @@ from typing import Final
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.collection import generate_collection
 from vbaa_bench.generation.generate import generate
-from vbaa_bench.generation.workers import cores
 from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.scored_run import read_run
 from vbaa_bench.render.variant import choose
@@ -16,6 +15,7 @@ from vbaa_bench.scoring.child import solve
 from vbaa_bench.scoring.collection import score_rigs
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import found_predictions, score
+from vbaa_bench.workers.resources import cores
 
 # A strip of an image, and few frames: a case copies and reads all of it.
 _SCENE: Final = """

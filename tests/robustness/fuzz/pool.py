@@ -20,7 +20,7 @@ from tests.robustness.fuzz.case import (
     Result,
 )
 from tests.robustness.fuzz.child import run_cases
-from vbaa_bench.generation.process_memory import memory_mb
+from vbaa_bench.workers.resources import memory_mb
 
 # Time [s] for a child to end itself at its limit, after which it is killed.
 _GRACE_S: Final = 10.0

@@ -16,9 +16,9 @@ from tests.conftest import SMALL_SCENE
 from vbaa_bench import cli
 from vbaa_bench.api import forecast as forecasts
 from vbaa_bench.api.forecast import Forecast
-from vbaa_bench.generation.job import Ended, Job
-from vbaa_bench.generation.workers import Pool
 from vbaa_bench.report.gallery import TRUTH
+from vbaa_bench.workers.jobs import Ended, Job
+from vbaa_bench.workers.pool import Pool
 
 # Counts and pictures do not depend on the noise; less noise takes more time.
 NOISY_SCENE = f"""{SMALL_SCENE}

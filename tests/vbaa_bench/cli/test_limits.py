@@ -8,9 +8,9 @@ import pytest
 
 from tests.command_line import CommandLine
 from vbaa_bench import cli
-from vbaa_bench.generation.same_process import SameProcess
-from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits import maps
+from vbaa_bench.workers.jobs import SameProcess
+from vbaa_bench.workers.pool import Pool
 
 FEW = ("--contact-distance-pct", "50", "--deflection-pct", "5,10")
 

@@ -16,11 +16,10 @@ from solver.instrument.errors import InputError
 from tests.poisoned import PoisonedWorker
 from tests.vbaa_bench.generation.test_failures import failures, poisoned
 from vbaa_bench.dataset.inventory import take_inventory
-from vbaa_bench.generation import cluster
-from vbaa_bench.generation.cluster import ClusterPool
-from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import DIED
-from vbaa_bench.generation.job import Job, WorkerDiedError
+from vbaa_bench.workers import cluster
+from vbaa_bench.workers.cluster import ClusterAddress, ClusterPool
+from vbaa_bench.workers.jobs import Job, WorkerDiedError
 
 ROOT = Path(__file__).parents[3]
 

@@ -27,19 +27,18 @@ from vbaa_bench.generation import collection as collections
 from vbaa_bench.generation import dataset_worker as dataset_workers
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
-from vbaa_bench.generation.deaths import DIED, Deaths
+from vbaa_bench.generation.deaths import DIED, Deaths, ImageError
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.generate import generate
-from vbaa_bench.generation.job import ImageError, WorkerDiedError
 from vbaa_bench.generation.metering_record import MeteringRecord
 from vbaa_bench.generation.missing_files import MissingFiles
-from vbaa_bench.generation.same_process import SameProcess
-from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits import of_dataset
 from vbaa_bench.render.sample_table import Sampled
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.frames import FrameName, Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.workers.jobs import SameProcess, WorkerDiedError
+from vbaa_bench.workers.pool import Pool
 
 SCENE = seeded("""\
 title: Six frames

@@ -5,7 +5,6 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.limits import maps as mapping
 from vbaa_bench.limits.designs import designs
 from vbaa_bench.limits.places import Grid, grid, places, scene_of_map
@@ -15,6 +14,7 @@ from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
+from vbaa_bench.workers.jobs import SameProcess
 
 FIG8 = Path("scenes/fig8_rigid.yaml")
 QUICKSTART = Path("scenes/quickstart.yaml")

@@ -11,7 +11,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.benchmarks.stress.figures import Figure, figures, missed
 from vbaa_bench.benchmarks.stress.rig_results import RigResult, stress_rig
 from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Targets
-from vbaa_bench.generation.workers import Pool
+from vbaa_bench.workers.pool import Pool
 
 Record = dict[str, Any]
 TITLE: Final = (

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from vbaa_bench.generation import workers
-from vbaa_bench.generation.cpu_quota import quota_cores
+from vbaa_bench.workers import resources
+from vbaa_bench.workers.resources import quota_cores
 
 
 @pytest.mark.parametrize(
@@ -49,5 +49,5 @@ def test_a_system_without_control_groups_has_no_quota(tmp_path: Path) -> None:
 def test_cores_are_those_of_affinity_and_quota(
     monkeypatch: pytest.MonkeyPatch, quota: int | None, expected: int | None
 ) -> None:
-    monkeypatch.setattr(workers, "quota_cores", lambda: quota)
-    assert workers.cores() == (expected or len(os.sched_getaffinity(0)))
+    monkeypatch.setattr(resources, "quota_cores", lambda: quota)
+    assert resources.cores() == (expected or len(os.sched_getaffinity(0)))

@@ -1,26 +1,24 @@
-"""Pool of worker processes, each with one object built once, whose methods are the jobs."""
+"""Worker processes of this machine."""
 
 import contextlib
 import multiprocessing
 import multiprocessing.connection
-import os
 import pickle
 import signal
 import sys
 import time
 import types
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from solver.instrument.safe_path import safe_path
-from vbaa_bench.generation.cpu_quota import quota_cores
-from vbaa_bench.generation.job import Ended, Job, Message, WorkerDiedError
-from vbaa_bench.generation.worker_process import serve
+from vbaa_bench.workers.jobs import Ended, Job, WorkerDiedError, Workers
+from vbaa_bench.workers.worker_process import Message, serve
 
 # Seconds between two looks at a pool without news, at which Ctrl-C is noticed on Windows. Chosen.
 _POLL_S: Final = 0.2
@@ -31,17 +29,6 @@ GRACE_S: Final = 5.0
 # Chosen: small random rigs leave 0.5 to 2 MB each in the allocators of C and Dr.Jit (measured),
 # and a rig of another kind up to 130 MB at once, for which a process should not be replaced.
 GROWTH_MB: Final = 200.0
-
-
-def cores() -> int:
-    """Count the processor cores that this process may use, by its affinity and its quota."""
-    if hasattr(os, "process_cpu_count"):  # from Python 3.13
-        count = os.process_cpu_count() or 1
-    elif hasattr(os, "sched_getaffinity"):  # not on Windows and macOS
-        count = len(os.sched_getaffinity(0))
-    else:
-        count = os.cpu_count() or 1
-    return min(count, quota_cores() or count)
 
 
 @dataclass(eq=False)
@@ -63,14 +50,13 @@ class _Worker:
         return self.connection, self.process.sentinel
 
 
-class Pool:
-    """`count` processes, each holding `build(*arguments)`; a job names a method and its arguments.
+class Pool(Workers):
+    """`count` processes of this machine, each holding `build(*arguments)`.
 
-    The first argument of every method is a function to call after each finished piece. Processes
-    are spawned, not forked: a renderer's threads do not survive a fork. They start with the first
-    jobs, and end when their parent ends, for whatever reason. A process that dies takes only its
-    own job with it, and another takes its place. One whose memory has grown by GROWTH_MB since its
-    first job is replaced after its job.
+    Processes are spawned, not forked: a renderer's threads do not survive a fork. They start with
+    the first jobs, and end when their parent ends, for whatever reason. A process that dies takes
+    only its own job with it, and another takes its place. One whose memory has grown by GROWTH_MB
+    since its first job is replaced after its job.
     """
 
     def __init__(self, count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
@@ -79,9 +65,6 @@ class Pool:
         self._built = pickle.dumps((build, arguments))
         self._workers: list[_Worker] = []
         self._pieces = 0
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(
         self,
@@ -104,36 +87,8 @@ class Pool:
             worker.connection.close()
         self._workers.clear()
 
-    def call(self, method: str, *arguments: Any) -> Any:
-        """Run one job and return its result.
-
-        Raises what the method raises, WorkerStartError or WorkerDiedError.
-        """
-        return self.run([Job(method, arguments)])[0]
-
-    def run(
-        self,
-        jobs: Sequence[tuple[str, tuple[Any, ...]]],
-        done: Callable[[int], None] = lambda _pieces: None,
-    ) -> list[Any]:
-        """Run all jobs and return their results. `done` gets the number of finished pieces.
-
-        Raises as `call` does.
-        """
-        numbered = [Job(*job) for job in jobs]
-        results = dict[int, Any]()
-        for ended in self.outcomes(deque(numbered), done):
-            if ended.death is not None:
-                raise ended.death
-            results[id(ended.job)] = ended.result
-        return [results[id(job)] for job in numbered]
-
     def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:
-        """Take jobs from the left, run them, and yield each when it has ended, by death or not.
-
-        Jobs may be added meanwhile. `done` gets the number of finished pieces, without those of
-        jobs whose process has died. Raises what a method raises, and WorkerStartError.
-        """
+        """Run jobs and yield each when it has ended; see Workers."""
         self._pieces = 0
         while jobs or any(worker.job for worker in self._workers):
             self._assign(jobs)

@@ -13,11 +13,22 @@ import threading
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, NamedTuple
 
 from solver.instrument.quick_imports import quick_imports
-from vbaa_bench.generation.job import Job, Message, WorkerStartError
-from vbaa_bench.generation.process_memory import own_memory_mb
+from vbaa_bench.workers.jobs import Job, WorkerStartError
+from vbaa_bench.workers.resources import own_memory_mb
+
+
+class Message(NamedTuple):
+    """What a worker sends when a piece of its job is finished, or the job itself has `ended`.
+
+    `result` is that of the job, or the error in it. After the `last` one the process ends.
+    """
+
+    ended: bool
+    result: Any = None
+    last: bool = False
 
 
 class _InterruptedError(BaseException):

@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 
 from tests.vbaa_bench.residents import Grown, InterruptedAtImport, Resident, broken
-from vbaa_bench.generation import workers
-from vbaa_bench.generation.job import Job, WorkerStartError
-from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.workers import pool as pools
+from vbaa_bench.workers.jobs import Job, WorkerStartError
+from vbaa_bench.workers.pool import Pool
+from vbaa_bench.workers.resources import cores
 
 ROOT = Path(__file__).parents[3]
 # The package has a function of this name.
@@ -45,7 +46,7 @@ def test_a_worker_that_does_not_finish_its_piece_ends_with_an_interrupt(
         if pieces:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(workers, "GRACE_S", 0.1)
+    monkeypatch.setattr(pools, "GRACE_S", 0.1)
     with pytest.raises(KeyboardInterrupt), Pool(1, Resident, ()) as pool:
         pool.run([("slow", ())], interrupted_at_first_piece)
     assert not multiprocessing.active_children()
@@ -62,7 +63,7 @@ def test_a_worker_whose_memory_has_grown_is_replaced_after_its_job(
         assert len(multiprocessing.active_children()) <= 1
 
     counts, numbers, kept_mb = list[int](), range(6), 40
-    monkeypatch.setattr(workers, "GROWTH_MB", growth_mb)
+    monkeypatch.setattr(pools, "GROWTH_MB", growth_mb)
     with Pool(1, Resident, ()) as pool:
         results: list[Grown] = pool.run([("grow", (n, kept_mb)) for n in numbers], count)
     assert [result.number for result in results] == [*numbers]
@@ -78,7 +79,7 @@ def test_a_worker_whose_memory_has_grown_is_replaced_after_its_job(
 def test_a_process_that_dies_after_its_last_job_is_no_death(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(workers, "GROWTH_MB", -1.0)
+    monkeypatch.setattr(pools, "GROWTH_MB", -1.0)
     jobs = deque(Job("grow_and_break", (number,)) for number in range(3))
     with Pool(1, Resident, ()) as pool:
         outcomes = list(pool.outcomes(jobs, lambda _pieces: None))
@@ -92,7 +93,7 @@ def test_an_interrupt_while_workers_are_replaced_leaves_no_process(
         if pieces >= 2:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(workers, "GROWTH_MB", -1.0)
+    monkeypatch.setattr(pools, "GROWTH_MB", -1.0)
     with pytest.raises(KeyboardInterrupt), Pool(2, Resident, ()) as pool:
         pool.run([("grow", (number, 1)) for number in range(8)], interrupted)
     assert not multiprocessing.active_children()
@@ -132,7 +133,7 @@ def test_a_processor_that_polars_cannot_use_is_one_sentence(
 PARENT = """
 import os, signal
 from tests.vbaa_bench.residents import Resident
-from vbaa_bench.generation.workers import Pool
+from vbaa_bench.workers.pool import Pool
 
 if __name__ == "__main__":
     with Pool(1, Resident, ()) as pool:
@@ -156,7 +157,7 @@ def test_workers_end_with_a_parent_that_was_killed() -> None:
 
 SCRIPT = """
 from tests.vbaa_bench.residents import Resident
-from vbaa_bench.generation.workers import Pool
+from vbaa_bench.workers.pool import Pool
 
 with Pool(1, Resident, ()) as pool:
     print(pool.call("pid") > 0)
@@ -179,7 +180,7 @@ def test_workers_start_from_a_plain_script_and_do_not_run_it_again(tmp_path: Pat
 FROM_A_FOLDER_OF_TRAPS = """
 from solver import first_start
 from tests.vbaa_bench.residents import Resident
-from vbaa_bench.generation.workers import Pool
+from vbaa_bench.workers.pool import Pool
 from vbaa_bench.render.variant import PLAIN, probe
 
 with Pool(1, Resident, ()) as pool:
