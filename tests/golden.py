@@ -74,7 +74,7 @@ def make(folder: Path) -> None:
         out = folder / "datasets" / name.replace("/", "_")
         _command("generate", f"scenes/{name}.yaml", "--out", out, *options)
     _command("run", "scenes/quickstart.yaml", "--out", folder / "run")
-    _command("baseline", folder / "run", "--out", folder / "baseline.json", "--why", "golden")
+    _command("compare", folder / "run", folder / "baseline.json", "--save")
     _write_messages(folder)
 
 
@@ -209,7 +209,7 @@ def read_old_run(old: Path, scratch: Path) -> Iterator[str]:
         ["solve", run, "--method", "exact_fit"],
         *([name, run] for name in ("score", "report", "table", "budget")),
         ["compare", run, old / "baseline.json"],
-        ["baseline", run, "--out", scratch / "baseline.json", "--why", "golden"],
+        ["compare", run, scratch / "baseline.json", "--save"],
         ["export", run, "--to", "csv", "--out", scratch / "csv"],
         ["subset", run, scratch / "subset", "--frames", "9"],
     ]

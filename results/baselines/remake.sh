@@ -6,7 +6,7 @@ for entry in fig6_unknown_psi:70 fig8_rigid:270 fig9_knife_edge:45 fig11_stiffne
     scene="${entry%:*}"
     vbaa-bench run "scenes/$scene.yaml" --frames "${entry#*:}" --out "$RUNS/$scene" --no-limits
     cp "$FROM/$scene.json" "$OUT/"
-    vbaa-bench baseline "$RUNS/$scene" --out "$OUT/$scene.json" --why "$WHY"
+    vbaa-bench compare "$RUNS/$scene" "$OUT/$scene.json" --save --why "$WHY"
 done
 mkdir -p "$OUT/small"
 for path in tests/data/regression/*.yaml; do
@@ -15,5 +15,5 @@ for path in tests/data/regression/*.yaml; do
     vbaa-bench solve "$RUNS/$scene" --method linear_fit --method exact_fit --method exact_fit_3d
     vbaa-bench score "$RUNS/$scene"
     cp "$FROM/small/$scene.json" "$OUT/small/"
-    vbaa-bench baseline "$RUNS/$scene" --out "$OUT/small/$scene.json" --why "$WHY"
+    vbaa-bench compare "$RUNS/$scene" "$OUT/small/$scene.json" --save --why "$WHY"
 done

@@ -1,9 +1,10 @@
 """Size and structure of a version:  python -m results.structure COMMIT...
 
 For each commit, and for the working copy if none is given: modules, lines, lines of code and
-statements of the packages; floors of the floor plan; commands; and for one image (`preview`), for
-one scene (`run` of the quickstart) and for one report the modules of which a function runs, and the
-hand-overs: pairs of rooms, one of which calls the other. Processes that these commands start count.
+statements of the packages; floors of the floor plan; commands; and for one image (`view` of a
+scene, `preview` in earlier versions), for one scene (`run` of the quickstart) and for one report
+the modules of which a function runs, and the hand-overs: pairs of rooms, one of which calls the
+other. Processes that these commands start count.
 """
 
 import ast
@@ -71,13 +72,15 @@ if "STRUCTURE_OUT" in os.environ:
     threading.setprofile(_called)
     sys.setprofile(_called)
 """
-_COUNT_COMMANDS: Final = """
-import typer
+_LIST_COMMANDS: Final = """
+import json, typer
 from vbaa_bench.cli.main import app
-def count(command):
+def names(name, command):
     commands = getattr(command, "commands", None)
-    return 1 if commands is None else sum(map(count, commands.values()))
-print(count(typer.main.get_command(app)))
+    if commands is None:
+        return [name]
+    return [name for item in commands.items() for name in names(*item)]
+print(json.dumps(names("", typer.main.get_command(app))))
 """
 
 
@@ -143,19 +146,21 @@ def structure(code: Path) -> dict[str, Any]:
         folder = Path(name)
         run, scene = folder / "run", "scenes/quickstart.yaml"
         environment = os.environ | {"PYTHONPATH": str(code)}
-        count = subprocess.run(
-            [sys.executable, "-c", _COUNT_COMMANDS],
+        listed = subprocess.run(
+            [sys.executable, "-c", _LIST_COMMANDS],
             cwd=code,
             env=environment,
             check=True,
             capture_output=True,
             text=True,
         )
+        commands = json.loads(listed.stdout)
+        one_image = "preview" if "preview" in commands else "view"
         return {
             **{package: size_of(code / package)._asdict() for package in PACKAGES},
             "floors": _floors(code / "tests" / "test_floor_plan.py"),
-            "commands": int(count.stdout),
-            "one image": executed(code, ["preview", scene, "--out", f"{folder}/a.png"], folder),
+            "commands": len(commands),
+            "one image": executed(code, [one_image, scene, "--out", f"{folder}/a.png"], folder),
             "one scene": executed(code, ["run", scene, "--out", str(run)], folder),
             "one report": executed(code, ["report", str(run)], folder),
         }

@@ -1,4 +1,4 @@
-"""Small scenes against their committed baselines, and the commands baseline and compare."""
+"""Small scenes against their committed baselines, and the command compare."""
 
 import io
 import json
@@ -106,7 +106,7 @@ def test_a_worse_method_ends_with_status_one(
 ) -> None:
     baselines = tmp_path / "baselines"
     for run in runs.iterdir():
-        assert command("baseline", run, "-o", baselines / f"{run.name}.json").status == 0
+        assert command("compare", run, baselines / f"{run.name}.json", "--save").status == 0
     assert command("compare", runs, baselines).status == 0
     ended = command("compare", edited(runs, tmp_path / "worse", worse), baselines)
     assert ended.status == 1
@@ -126,9 +126,11 @@ def test_an_existing_baseline_is_replaced_with_a_reason(
     command: CommandLine, runs: Path, tmp_path: Path
 ) -> None:
     run, path = next(runs.iterdir()), tmp_path / "baseline.json"
-    assert command("baseline", run, "-o", path).status == 0
-    assert "state with --why" in command.refused("baseline", run, "-o", path)
-    assert command("baseline", run, "-o", path, "--why", "a reason").status == 0
+    assert command("compare", run, path, "--save").status == 0
+    assert "state with --why" in command.refused("compare", run, path, "--save")
+    assert command("compare", run, path, "--save", "--why", "a reason").status == 0
+    assert "without --save" in command.refused("compare", run, path, "--why", "a reason")
+    assert "--strict are not allowed" in command.refused("compare", run, path, "--save", "--all")
     assert [entry["why"] for entry in json.loads(path.read_text())["history"]] == [
         "first baseline",
         "a reason",

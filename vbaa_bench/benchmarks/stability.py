@@ -25,6 +25,7 @@ evaluated with their bias, which noise does not show: amplification measures sca
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -37,7 +38,7 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Sensors, Tolerances
-from solver.methods import METHODS, Method
+from solver.methods import Method
 from solver.tracker import run_method
 from vbaa_bench.mechanics.planar import push
 from vbaa_bench.mechanics.state import State
@@ -59,8 +60,8 @@ ONSET: Final = 0.2  # motor angle of first contact [rad]
 FITTED: Final = ("x_c_m", "force_n", "psi_rad", "compliance_m_per_n", "onset_angle_rad")
 
 
-def measure(contacts: tuple[float, ...] = CONTACTS) -> Record:
-    """Measure every method on every push of the grid, as numbers that JSON can hold."""
+def measure(methods: Mapping[str, Method], contacts: tuple[float, ...] = CONTACTS) -> Record:
+    """Measure methods on every push of the grid, as numbers that JSON can hold."""
     pushes = {
         (contact, deflection): simulate_push(BEAM, contact * BEAM.length, deflection)
         for contact in contacts
@@ -73,7 +74,7 @@ def measure(contacts: tuple[float, ...] = CONTACTS) -> Record:
                 {"contact": contact, "deflection": deflection, **assess_method(method, measurement)}
                 for (contact, deflection), measurement in pushes.items()
             ]
-            for name, method in METHODS.items()
+            for name, method in methods.items()
         },
     }
 

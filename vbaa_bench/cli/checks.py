@@ -1,4 +1,4 @@
-"""Commands that check limits, a method, a dataset and this machine."""
+"""Commands that check a method and this machine."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,8 +7,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import MEMORY_GB, AsJson, DatasetPath, Memory, Variant
+from vbaa_bench.cli.options import MEMORY_GB, AsJson, Memory, Variant
 from vbaa_bench.report.console import console, print_result, show_table
 
 
@@ -20,6 +21,14 @@ def check_method(
             help="dataset folder, from generate or run", show_default="three pushes, rendered once"
         ),
     ] = None,
+    stability: Annotated[
+        bool,
+        typer.Option(
+            "--stability",
+            help="measure noise amplification, rounding sensitivity and condition number instead, "
+            "on simulated points; METHOD may be all",
+        ),
+    ] = False,
     memory: Memory = MEMORY_GB,
     variant: Variant = None,
     as_json: AsJson = False,
@@ -29,6 +38,11 @@ def check_method(
     Units, frame of reference, values that are not finite, covariance, errors, time, memory, and
     whether a second run gives the same results. The exit status is 1 if something is wrong.
     """
+    if stability:
+        if dataset is not None:
+            raise InputError("--stability needs no dataset: its points are simulated")
+        _show_stability(method, as_json)
+        return
     with importing():
         from vbaa_bench.benchmarks import check_method as checks
         from vbaa_bench.render.variant import choose
@@ -47,36 +61,25 @@ def check_method(
         raise typer.Exit(1)
 
 
-def leaks(dataset: DatasetPath, as_json: AsJson = False) -> None:
-    """Test whether order, names, image files or the encoder of a dataset predict the contact.
-
-    DATASET may be a collection. The exit status is 1 if a feature is better than chance; by chance,
-    one clean feature in a hundred is.
-    """
+def _show_stability(method: str, as_json: bool) -> None:
+    """Measure the stability of a method, or of all of the solver, and print it."""
     with importing():
-        from vbaa_bench.benchmarks.leaks import find_leaks
+        from solver.methods import METHODS
+        from solver.methods.by_name import find_method
+        from vbaa_bench.benchmarks import stability
 
-    with console.status("searching for leaks"):
-        tests = find_leaks(dataset)
+    methods = METHODS if method == "all" else {method: find_method(method)}
+    with console.status("perturbing points"):
+        record = stability.measure(methods)
     if as_json:
-        print_result({"features": [test.record() for test in tests]}, "", True)
-    else:
-        show_table(
-            "held-out R^2 of x_c over beam length",
-            ("feature", "frames", "R^2", "99 % of permutations", "passes"),
-            [
-                (
-                    test.feature,
-                    str(test.frames),
-                    f"{test.r_squared:.4f}",
-                    f"{test.chance:.4f}",
-                    "yes" if test.passes else "no",
-                )
-                for test in tests
-            ],
-        )
-    if not all(test.passes for test in tests):
-        raise typer.Exit(1)
+        print_result(record, "", True)
+        return
+    distances = ", ".join(f"{contact:g}" for contact in stability.CONTACTS)
+    show_table(
+        f"error per pixel of noise, contacts at x_c / L = {distances}; condition; rounding",
+        ("method", "deflection", "x_c, % of L", "force, %", "condition", "x_c / L by 1 ulp"),
+        stability.rows(record),
+    )
 
 
 def doctor(

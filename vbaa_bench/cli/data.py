@@ -1,10 +1,11 @@
-"""Commands that make datasets: preview, plan, generate, merge."""
+"""Commands that make datasets: generate, merge."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import (
     AsJson,
@@ -22,77 +23,10 @@ from vbaa_bench.cli.options import (
     part_of,
     rig_numbers,
 )
-from vbaa_bench.report.console import console, print_result, progress_bars
+from vbaa_bench.report.console import console, print_result
 
 if TYPE_CHECKING:
     from vbaa_bench.dataset.collection import FrameCounts
-
-
-def preview(
-    scene: ScenePath,
-    frame: Annotated[
-        int, typer.Option(min=0, help="frame number, in the order of the scene's pushes")
-    ] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="PNG file to write", show_default="<scene>_<frame>.png")
-    ] = None,
-    draws: Annotated[
-        int | None, typer.Option("--random", min=1, max=1000, help="number of draws to render")
-    ] = None,
-    seed: Seed = None,
-    settings: Settings = None,
-    variant: Variant = None,
-    as_json: AsJson = False,
-) -> None:
-    """Render one frame of a scene as a PNG, with the true centreline and contact drawn on it.
-
-    With --random, render many draws of a scene with random keys as one contact sheet.
-    """
-    with importing():
-        from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.api.frame import render_frame
-        from vbaa_bench.api.random_sheet import random_sheet
-        from vbaa_bench.scene.load import load_scene
-
-    target = out or Path(f"{scene.stem}_{'random' if draws else frame}.png")
-    file = load_scene(scene, seed, settings or ())
-    prepare_output_path(target)
-    if draws:
-        with progress_bars() as bars:
-            task = bars.add_task("draws", total=draws)
-            png = random_sheet(
-                file, draws, variant=variant, progress=lambda n, _: bars.update(task, completed=n)
-            )
-        write(target, png)
-        print_result({"picture": str(target), "draws": draws}, str(target), as_json)
-        return
-    with console.status("rendering a frame"):
-        rendered = render_frame(file, frame, variant=variant)
-    write(target, rendered.png())
-    print_result(
-        {"picture": str(target), "truth": dict(rendered.truth)}, f"{target}: {rendered}", as_json
-    )
-
-
-def plan(
-    scene: ScenePath,
-    seed: Seed = None,
-    workers: Workers = None,
-    variant: Variant = None,
-    as_json: AsJson = False,
-) -> None:
-    """Forecast the number of frames, time, disk space and memory of a dataset.
-
-    A few frames are rendered for this and then deleted.
-    """
-    with importing():
-        from vbaa_bench.api.forecast import forecast
-        from vbaa_bench.scene.load import load_scene
-
-    file = load_scene(scene, seed)
-    with console.status("probing a few frames"):
-        cost = forecast(file, workers=workers, variant=variant)
-    print_result(cost.record(), str(cost), as_json)
 
 
 def generate(
@@ -107,6 +41,12 @@ def generate(
     dask: Dask = None,
     workers: Workers = None,
     variant: Variant = None,
+    plan: Annotated[
+        bool,
+        typer.Option(
+            "--plan", help="forecast time, disk space and memory from a few frames instead"
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Render a scene into a dataset. Run it again to finish an interrupted dataset.
@@ -114,10 +54,32 @@ def generate(
     The exit status is 1 if frames or rigs failed; the others are complete.
     """
     choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part), fork, dask)
+    if plan:
+        _show_forecast(choice, workers, variant, as_json)
+        return
     root, counts, digest = generate_dataset(choice, out, workers, variant)
     record = {"dataset": str(root), **counts._asdict(), "digest": digest}
     print_result(record, f"{counts.frames} frames in {root}\ndigest {digest}", as_json)
     exit_if_incomplete(counts)
+
+
+def _show_forecast(
+    choice: "SceneChoice", workers: int | None, variant: str | None, as_json: bool
+) -> None:
+    """Forecast the cost of a scene's dataset or collection, and print it."""
+    if (choice.rigs, choice.part, choice.dask) != (None, None, None):
+        raise InputError(
+            "--plan forecasts the whole scene on this machine: --rigs, --part and --dask are not "
+            "allowed"
+        )
+    with importing():
+        from vbaa_bench.api.forecast import forecast
+        from vbaa_bench.scene.load import load_scene
+
+    file = load_scene(choice.path, choice.seed, choice.settings or (), choice.frames)
+    with console.status("probing a few frames"):
+        cost = forecast(file, workers=workers, variant=variant)
+    print_result(cost.record(), str(cost), as_json)
 
 
 def exit_if_incomplete(counts: "FrameCounts") -> None:
@@ -170,7 +132,6 @@ def generate_dataset(
 ) -> GeneratedFolder:
     """Render a scene with progress bars; return the folder of the dataset or collection."""
     with importing():
-        from solver.instrument.errors import InputError
         from vbaa_bench.api import data
         from vbaa_bench.dataset.collection import count_frames
         from vbaa_bench.dataset.overall_digest import dataset_digest

@@ -1,13 +1,24 @@
-"""Commands on existing datasets: verify, info, subset."""
+"""Commands on existing datasets: verify, info, subset; and the schema of all."""
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Workers
-from vbaa_bench.report.console import console, print_line, print_result, progress_bars
+from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
+
+if TYPE_CHECKING:
+    from vbaa_bench.benchmarks.leaks import LeakTest
+
+
+class Page(StrEnum):
+    """Name of a page of the schema."""
+
+    COLUMNS = "columns"
+    FORMAT = "format"
 
 
 def verify(
@@ -23,13 +34,20 @@ def verify(
         str | None,
         typer.Option(help="digest that the dataset must have, which generate has printed"),
     ] = None,
+    leaks: Annotated[
+        bool,
+        typer.Option(
+            "--leaks", help="test whether order, names, image files or encoder predict the contact"
+        ),
+    ] = False,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
     """Name everything that is wrong in a dataset or collection, in one pass.
 
     The exit status is 1 if anything is wrong. Damaged results must be computed again: the command
-    is printed.
+    is printed. With --leaks it is also 1 if a feature is better than chance; by chance, one clean
+    feature in a hundred is.
     """
     with importing():
         from vbaa_bench.api.verification import verify as verify_dataset
@@ -62,9 +80,38 @@ def verify(
             on_fault=on_fault,
             on_frame=on_frame,
         )
-    print_result(result.record(), str(result), as_json)
-    if result.faults:
+    tests = _leak_tests(dataset) if leaks else []
+    features = {"features": [test.record() for test in tests]} if leaks else {}
+    print_result({**result.record(), **features}, str(result), as_json)
+    if leaks and not as_json:
+        _show_leak_tests(tests)
+    if result.faults or not all(test.passes for test in tests):
         raise typer.Exit(1)
+
+
+def _leak_tests(dataset: Path) -> "list[LeakTest]":
+    with importing():
+        from vbaa_bench.benchmarks.leaks import find_leaks
+
+    with console.status("searching for leaks"):
+        return find_leaks(dataset)
+
+
+def _show_leak_tests(tests: "list[LeakTest]") -> None:
+    show_table(
+        "held-out R^2 of x_c over beam length",
+        ("feature", "frames", "R^2", "99 % of permutations", "passes"),
+        [
+            (
+                test.feature,
+                str(test.frames),
+                f"{test.r_squared:.4f}",
+                f"{test.chance:.4f}",
+                "yes" if test.passes else "no",
+            )
+            for test in tests
+        ],
+    )
 
 
 def info(dataset: DatasetPath, as_json: AsJson = False) -> None:
@@ -103,3 +150,20 @@ def subset(
     with console.status("copying"):
         count = write_subset(dataset, out, choice)
     print_result({"dataset": str(out), "frames": count}, f"{count} frames in {out}", as_json)
+
+
+def schema(
+    page: Annotated[
+        Page, typer.Argument(help="columns: the data dictionary; format: files of a dataset")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Print every column and key of the files, or the format of datasets, as Markdown."""
+    with importing():
+        from vbaa_bench.report import dictionary, format_page
+
+    text = format_page.page() if page is Page.FORMAT else dictionary.page()
+    if as_json:
+        print_result(dictionary.record() if page is Page.COLUMNS else {"page": text}, "", True)
+    else:
+        print(text, end="")

@@ -13,7 +13,8 @@ from typer.exceptions import TyperException
 
 from solver.instrument.errors import IncompleteError, InputError
 from solver.lab.command_end import run_command
-from vbaa_bench.cli import checks, data, datasets, measure, regression, results
+from vbaa_bench.cli import checks, data, datasets, measure, results
+from vbaa_bench.cli.compare import compare
 from vbaa_bench.cli.export import export
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
@@ -23,6 +24,12 @@ from vbaa_bench.workers.jobs import WorkerDiedError
 
 # Commands of before, and where they are now.
 MOVED: Final = {
+    "baseline": "compare RUN FILE --save",
+    "dictionary": "schema columns",
+    "leaks": "verify DATASET --leaks",
+    "plan": "generate SCENE --plan",
+    "preview": "view SCENE",
+    "stability": "check-method all --stability",
     "alarms": "python -m results.regression, in the repository",
     "check-camera": "python -m results.calibration, in the repository",
     "check-learning": "python -m results.learned_beam, in the repository",
@@ -61,8 +68,6 @@ class _Command(NamedTuple):
 _GROUPS: Final = {
     "Make datasets": (
         _Command(results.run, "run scenes/quickstart.yaml"),
-        _Command(data.preview, "preview scenes/hard/friction.yaml --frame 3"),
-        _Command(data.plan, "plan scenes/fig8_rigid.yaml"),
         _Command(data.generate, "generate scenes/random/rigs.yaml --rigs 0:20 --out runs/rigs"),
         _Command(data.merge, "merge runs/whole runs/part_1 runs/part_2"),
         _Command(datasets.subset, "subset runs/rigs_0 runs/few --frames 40"),
@@ -77,19 +82,16 @@ _GROUPS: Final = {
     ),
     "Compare methods and versions": (
         _Command(results.table, "table runs/quickstart runs/fig8_rigid --brief"),
-        _Command(regression.baseline, "baseline runs/quickstart --out quickstart.json"),
-        _Command(regression.compare, "compare runs/quickstart quickstart.json"),
+        _Command(compare, "compare runs/quickstart quickstart.json"),
         _Command(measure.budget, "budget runs/quickstart --method exact_fit"),
         _Command(speed, "speed runs/quickstart --method exact_fit"),
-        _Command(measure.stability, "stability"),
         _Command(measure.stress, "stress scenes/random/rigs.yaml --rigs 10"),
     ),
     "Look at datasets and results": (
         _Command(results.report, "report runs/quickstart --baseline quickstart.json"),
-        _Command(view, "view runs/quickstart --frames 0:12 --out frames.gif"),
+        _Command(view, "view scenes/hard/friction.yaml --frames 3 --out frame.png"),
         _Command(datasets.info, "info runs/quickstart"),
-        _Command(results.dictionary, "dictionary"),
-        _Command(checks.leaks, "leaks runs/quickstart"),
+        _Command(datasets.schema, "schema columns"),
     ),
     "Help": (_Command(checks.doctor, "doctor"),),
 }

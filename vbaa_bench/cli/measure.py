@@ -1,4 +1,4 @@
-"""Commands that measure methods: their noise, their errors under disturbances, and the causes."""
+"""Commands that measure methods: their errors under disturbances, and the causes."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,25 +9,6 @@ from rich.progress import TaskID
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, ScenePath, Variant, Workers
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
-
-
-def stability(as_json: AsJson = False) -> None:
-    """Measure each method's noise amplification, rounding sensitivity and condition number."""
-    with importing():
-        from vbaa_bench.benchmarks import stability as methods
-
-    with console.status("perturbing points"):
-        record = methods.measure()
-    if as_json:
-        print_result(record, "", True)
-        return
-    contacts = sorted({case["contact"] for case in record["methods"]["exact_fit"]})
-    distances = ", ".join(f"{contact:g}" for contact in contacts)
-    show_table(
-        f"error per pixel of noise, contacts at x_c / L = {distances}; condition; rounding",
-        ("method", "deflection", "x_c, % of L", "force, %", "condition", "x_c / L by 1 ulp"),
-        methods.rows(record),
-    )
 
 
 def stress(

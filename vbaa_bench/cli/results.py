@@ -1,4 +1,4 @@
-"""Commands that solve and score: run, solve, score, report, table, dictionary."""
+"""Commands that solve and score: run, solve, score, report, table."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -145,23 +145,6 @@ def table(
         print_result({"rows": rows}, "", True)
     else:
         print(FORMATS[table_format](rows, by, brief=brief))
-
-
-def dictionary(
-    page: Annotated[
-        str, typer.Option(help="columns, the data dictionary; or format, that of datasets")
-    ] = "columns",
-) -> None:
-    """Print the data dictionary: every column and key of the files, as Markdown."""
-    with importing():
-        from solver.instrument.errors import InputError
-        from vbaa_bench.report import dictionary as columns
-        from vbaa_bench.report import format_page
-
-    pages = {"columns": columns.page, "format": format_page.page}
-    if page not in pages:
-        raise InputError(f"--page is {page}, allowed is one of {', '.join(pages)}")
-    print(pages[page](), end="")
 
 
 def solve_dataset(

@@ -1,5 +1,6 @@
-"""The command view: a recording for the viewer rerun, an animation, or a contact sheet."""
+"""The command view: frames of a dataset as recording, animation or sheet; a frame of a scene."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 from functools import partial
 from importlib.util import find_spec
@@ -10,11 +11,13 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, DatasetPath
+from vbaa_bench.cli.options import AsJson, Seed, Settings, Variant
 from vbaa_bench.report.console import console, print_result, progress_bars
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+    from vbaa_bench.scene.load import SceneFile
 
 
 class Format(StrEnum):
@@ -27,10 +30,15 @@ class Format(StrEnum):
 
 
 def view(
-    dataset: DatasetPath,
+    source: Annotated[
+        Path, typer.Argument(help="dataset folder, from generate or run; or a scene file")
+    ],
     out: Annotated[
         Path | None,
-        typer.Option(help="file to write", show_default="view.* in the dataset's folder report/"),
+        typer.Option(
+            help="file to write",
+            show_default="view.* in the dataset's folder report/; <scene>_<frame>.png",
+        ),
     ] = None,
     format_: Annotated[
         Format | None,
@@ -42,18 +50,101 @@ def view(
     ] = None,
     # The default is chosen: a recording of 10 MB, or a video of 40 s.
     frames: Annotated[
-        str, typer.Option(help="frames, as 7 or 3:7 (3 to 6), in the order of the scene's pushes")
-    ] = "0:120",
+        str | None,
+        typer.Option(
+            help="frames, as 7 or 3:7 (3 to 6), in the order of the scene's pushes",
+            show_default="0:120; of a scene 0",
+        ),
+    ] = None,
     push: Annotated[
         list[str] | None, typer.Option(help="push_id of the frames to show; repeatable")
     ] = None,
+    draws: Annotated[
+        int | None,
+        typer.Option("--random", min=1, max=1000, help="of a scene: number of draws to render"),
+    ] = None,
+    seed: Seed = None,
+    settings: Settings = None,
+    variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show frames with truth and estimates: as a recording for rerun, an animation or one picture.
+    """Show frames of a dataset with truth and estimates, or render one frame of a scene.
 
-    A recording needs the extra `view` of this package, and an MP4 the extra `video`. The estimates
-    are those in the dataset's folder predictions/.
+    A dataset is shown as a recording for rerun, an animation or one picture, with the estimates in
+    its folder predictions/. A recording needs the extra `view` of this package, and an MP4 the
+    extra `video`. Of a scene, one frame is drawn with its true centreline and contact; with
+    --random, many draws of a scene with random keys.
     """
+    if source.is_file() or source.suffix == ".yaml":
+        if push or (draws and frames):
+            raise InputError(
+                f"{source}: is a scene, so that --push is not allowed, nor --frames with --random"
+            )
+        if format_ not in (None, Format.PNG):
+            raise InputError(f"{source}: is a scene, drawn as png: --format is {format_}")
+        _formats(out, Format.PNG)
+        with importing():
+            from vbaa_bench.scene.load import load_scene
+
+        file = load_scene(source, seed, settings or ())
+        if draws:
+            _draw_random(file, draws, out, variant, as_json)
+        else:
+            _draw_frame(file, _number(frames or "0"), out, variant, as_json)
+        return
+    if draws or settings or seed is not None or variant is not None:
+        raise InputError(
+            f"{source}: is not a scene, so that --random, --seed, --set and --variant are not "
+            "allowed"
+        )
+    _show_frames(source, out, format_, _range(frames or "0:120"), push or (), as_json)
+
+
+def _draw_frame(
+    file: "SceneFile", number: int, out: Path | None, variant: str | None, as_json: bool
+) -> None:
+    """Render one frame of a scene as a PNG, with the true centreline and contact drawn on it."""
+    with importing():
+        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.api.frame import render_frame
+
+    target = out or Path(f"{file.path.stem}_{number}.png")
+    prepare_output_path(target)
+    with console.status("rendering a frame"):
+        frame = render_frame(file, number, variant=variant)
+    write(target, frame.png())
+    record = {"picture": str(target), "truth": dict(frame.truth)}
+    print_result(record, f"{target}: {frame}", as_json)
+
+
+def _draw_random(
+    file: "SceneFile", draws: int, out: Path | None, variant: str | None, as_json: bool
+) -> None:
+    """Render many draws of a scene with random keys as one contact sheet."""
+    with importing():
+        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.api.random_sheet import random_sheet
+
+    target = out or Path(f"{file.path.stem}_random.png")
+    prepare_output_path(target)
+    with progress_bars() as bars:
+        task = bars.add_task("draws", total=draws)
+        png = random_sheet(
+            file, draws, variant=variant, progress=lambda n, _: bars.update(task, completed=n)
+        )
+    write(target, png)
+    print_result({"picture": str(target), "draws": draws}, str(target), as_json)
+
+
+def _show_frames(
+    dataset: Path,
+    out: Path | None,
+    format_: Format | None,
+    frames: slice,
+    pushes: Sequence[str],
+    as_json: bool,
+) -> None:
+    """Write frames of a dataset as recording, animation or contact sheet."""
     with importing():
         from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.scoring.layout import Results
@@ -66,7 +157,7 @@ def view(
     targets = {
         kind: out or Results(dataset).report / f"view.{kind}" for kind in _formats(out, format_)
     }
-    data = open_frames(dataset, _range(frames), push or ())
+    data = open_frames(dataset, frames, pushes)
     with progress_bars() as bars:
         for kind, target in targets.items():
             prepare_output_path(target)
@@ -97,6 +188,13 @@ def _formats(out: Path | None, chosen: Format | None) -> list[Format]:
     installed = {Format.RRD: "rerun", Format.MP4: "av"}
     first = next((one for one, module in installed.items() if find_spec(module)), Format.GIF)
     return [first, Format.PNG]
+
+
+def _number(text: str) -> int:
+    """Parse the number of one frame. Raises InputError."""
+    if not text.isdecimal():
+        raise InputError(f"--frames is {text}, allowed for a scene is the number of one frame")
+    return int(text)
 
 
 def _range(text: str) -> slice:

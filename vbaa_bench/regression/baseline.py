@@ -92,7 +92,7 @@ def read_baseline(path: Path) -> Baseline:
     if document.get("format") != _FORMAT:
         raise InputError(
             f"{path}: format is {quoted(document.get('format'))}, allowed is {_FORMAT}; "
-            "write it with vbaa-bench baseline"
+            "write it with vbaa-bench compare RUN FILE --save"
         )
     baseline = check_document(path, document, _Document)
     try:

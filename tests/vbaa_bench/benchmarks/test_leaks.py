@@ -268,10 +268,25 @@ def test_a_dataset_and_a_collection_are_read_and_tested(
     assert tuple(together) == names
     leaks = {ORDER, "frame_id", ENCODER} if planted else set[str]()
     assert clear_leaks(list(together.values())) == leaks
-    done = CliRunner().invoke(app, ["leaks", str(root), "--json"])
-    assert done.exit_code == int(not all(test.passes for test in together.values()))
-    verdicts = {row["feature"]: row["passes"] for row in json.loads(done.output)["features"]}
+    # These datasets lack files, which the command names and counts beside the leaks.
+    done = CliRunner().invoke(app, ["verify", str(root), "--leaks", "--json"])
+    record = json.loads(done.stdout)
+    assert done.exit_code == 1
+    assert record["faults"]
+    verdicts = {row["feature"]: row["passes"] for row in record["features"]}
     assert verdicts == {name: test.passes for name, test in together.items()}
+
+
+@pytest.mark.parametrize(("r_squared", "status"), [(0.0, 0), (0.5, 1)])
+def test_a_leak_of_an_intact_dataset_decides_the_exit_status(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch, r_squared: float, status: int
+) -> None:
+    found = [LeakTest("frame_id", 40, r_squared, 0.1)]
+    monkeypatch.setattr("vbaa_bench.benchmarks.leaks.find_leaks", lambda _root: found)
+    done = CliRunner().invoke(app, ["verify", str(dataset), "--leaks"])
+    assert done.exit_code == status, done.output
+    assert ("yes" if status == 0 else "no") in done.stdout.split()
+    assert CliRunner().invoke(app, ["verify", str(dataset)]).exit_code == 0
 
 
 def written(layout: Layout, dataset: Path, rig: int, planted: bool) -> None:

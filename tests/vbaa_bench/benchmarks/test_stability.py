@@ -36,7 +36,7 @@ def record() -> stability.Record:
     # A method is repeated for every stretch: 20 of them have the same amplification to 1.5 %.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stability, "STRETCHES", 20)
-        return measure(contacts=(0.5,))
+        return measure(METHODS, contacts=(0.5,))
 
 
 def by_row(row: int) -> Callable[[Measurement], Estimate]:
@@ -148,12 +148,17 @@ def test_an_answer_that_is_lost_has_no_amplification() -> None:
 def test_the_command_prints_a_table_or_json(
     record: stability.Record, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stability, "measure", lambda: record)
-    done = CliRunner().invoke(cli.app, ["stability", "--json"])
+    monkeypatch.setattr(stability, "measure", lambda _methods: record)
+    words = ["check-method", "all", "--stability"]
+    done = CliRunner().invoke(cli.app, [*words, "--json"])
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout) == record
-    shown = CliRunner().invoke(cli.app, ["stability"], env={"COLUMNS": "80"})
+    shown = CliRunner().invoke(cli.app, words, env={"COLUMNS": "80"})
     assert shown.exit_code == 0, shown.output
     for name in METHODS:
         assert name in shown.stdout
     assert len(rows(record)) == 2 * len(METHODS)
+    refused = CliRunner().invoke(cli.app, ["check-method", "all", "runs/set", "--stability"])
+    assert str(refused.exception) == "--stability needs no dataset: its points are simulated"
+    unknown = CliRunner().invoke(cli.app, ["check-method", "magic", "--stability"])
+    assert "method 'magic' is unknown" in str(unknown.exception)

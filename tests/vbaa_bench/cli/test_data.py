@@ -39,7 +39,7 @@ def noisy_scene(tmp_path: Path) -> Path:
 
 def test_a_preview_shows_the_true_beam_on_the_image(noisy_scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "frame.png"
-    line = ["preview", str(noisy_scene), "--frame", "3", "--out", str(out)]
+    line = ["view", str(noisy_scene), "--frames", "3", "--out", str(out)]
     done = CliRunner().invoke(cli.app, [*line, "--json"])
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
@@ -63,7 +63,7 @@ def test_a_preview_that_cannot_be_written_renders_nothing(
 ) -> None:
     monkeypatch.setattr("vbaa_bench.api.frame.render_frame", lambda *_: pytest.fail("rendered"))
     below_a_file = str(small_scene / "frame.png")
-    done = CliRunner().invoke(cli.app, ["preview", str(small_scene), "--out", below_a_file])
+    done = CliRunner().invoke(cli.app, ["view", str(small_scene), "--out", below_a_file])
     assert isinstance(done.exception, InputError)
     assert "cannot be written" in str(done.exception)
 
@@ -72,7 +72,9 @@ def test_a_preview_that_cannot_be_written_renders_nothing(
 def test_a_plan_counts_the_scene_and_states_a_range(tmp_path: Path) -> None:
     path = tmp_path / "tiny.yaml"
     path.write_text(TINY_SCENE, encoding="utf-8")
-    done = CliRunner().invoke(cli.app, ["plan", str(path), "--workers", "1", "--json"])
+    done = CliRunner().invoke(
+        cli.app, ["generate", str(path), "--plan", "--workers", "1", "--json"]
+    )
     assert done.exit_code == 0, done.output
     cost = Forecast(**json.loads(done.stdout))
     assert (cost.frames, cost.pushes, cost.images, cost.workers) == (4, 2, 8, 1)
@@ -87,7 +89,7 @@ def test_a_probe_ends_when_its_time_is_over(
     noisy_scene: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(forecasts, "LIMIT_S", 0.0)
-    done = CliRunner().invoke(cli.app, ["plan", str(noisy_scene), "--workers", "1", "--json"])
+    done = CliRunner().invoke(cli.app, ["generate", str(noisy_scene), "--plan", "--workers", "1"])
     assert isinstance(done.exception, InputError)
     assert "no frame is rendered in the 0 s of a probe" in str(done.exception)
 
@@ -115,7 +117,9 @@ def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
     # Each probed rig is generated as a whole: one push of two frames, in small images.
     text = TINY_SCENE.replace("views: 6", "views: 3").replace("[100, 200]", "[150]")
     path.write_text(text + "rigs: 40\nbackground: {reflectance: {uniform: [0, 0.2]}}\n")
-    done = CliRunner().invoke(cli.app, ["plan", str(path), "--workers", "1", "--json"])
+    done = CliRunner().invoke(
+        cli.app, ["generate", str(path), "--plan", "--workers", "1", "--json"]
+    )
     assert done.exit_code == 0, done.output
     cost = Forecast(**json.loads(done.stdout))
     assert (cost.rigs, cost.frames, cost.pushes, cost.images) == (40, 80, 40, 200)
@@ -146,3 +150,12 @@ def test_a_plan_is_said_in_four_lines() -> None:
         "disk:    81.2 GB, within about 10 %",
         "memory:  3.7 GB in total, the peak of a probing worker times the number of workers",
     ]
+
+
+@pytest.mark.parametrize(
+    "words", [["--rigs", "0"], ["--part", "1/2"], ["--dask", "local"]], ids=str
+)
+def test_a_plan_of_less_than_the_scene_is_refused(small_scene: Path, words: list[str]) -> None:
+    done = CliRunner().invoke(cli.app, ["generate", str(small_scene), "--plan", *words])
+    assert isinstance(done.exception, InputError)
+    assert "--plan forecasts the whole scene on this machine" in str(done.exception)

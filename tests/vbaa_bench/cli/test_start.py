@@ -3,9 +3,11 @@
 import importlib.metadata
 import json
 import os
+import re
 import runpy
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 from typing import Any
 
@@ -85,19 +87,42 @@ def test_a_mistyped_command_gets_a_suggestion() -> None:
 
 
 def test_a_command_of_before_says_where_it_is_now() -> None:
+    group: Any = typer.main.get_command(cli.app)
+    commands = group.commands
     for name, home in MOVED.items():
         done = CliRunner().invoke(cli.app, [name, "--help"])
+        assert name not in commands
         assert str(done.exception) == f"{name} is no command any more: use {home}"
-        module = ROOT.joinpath(*home.split(",")[0].split()[2].split("."))
-        assert (module / "__main__.py").is_file() or module.with_suffix(".py").is_file()
+        first, *words = home.split(",")[0].split()
+        if first == "python":
+            module = ROOT.joinpath(*words[1].split("."))
+            assert (module / "__main__.py").is_file() or module.with_suffix(".py").is_file()
+        else:
+            known = {option for one in commands[first].params for option in one.opts}
+            assert {word for word in words if word.startswith("-")} <= known, home
+
+
+def test_pages_name_commands_that_exist() -> None:
+    group: Any = typer.main.get_command(cli.app)
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "scenes").rglob("*.md")]
+    pages += (ROOT / "results").rglob("*.md")
+    for path in pages:
+        called = re.findall(
+            r"(?:`|bin/|^ *)vbaa-bench ([a-z][a-z-]*)", path.read_text("utf-8"), re.M
+        )
+        assert set(called) <= group.commands.keys(), path
+    assert "view" in called or len(pages) > 20
 
 
 def test_every_command_shows_an_example_with_options_that_exist() -> None:
     group: Any = typer.main.get_command(cli.app)
+    # A next version adds suite and scenes; more than 22 cannot be overlooked in a help.
+    assert len(group.commands) <= 20
     for name, command in group.commands.items():
         program, example, *words = command.epilog.removeprefix("Example: ").split()
         assert (program, example) == ("vbaa-bench", name)
         known = {option for one in command.params for option in one.opts}
+        assert "--json" in known, name
         assert {word for word in words if word.startswith("-")} <= known, name
         scenes = [word for word in words if word.startswith("scenes/")]
         assert all((ROOT / scene).is_file() for scene in scenes), name
@@ -118,3 +143,34 @@ def test_what_is_wrong_is_one_json_object_for_a_script(
     ended = CommandLine(cli.main, capfd)(*words, "--json")
     assert (ended.status, ended.err) == (2, "")
     assert said in json.loads(ended.out)["error"]
+
+
+def test_the_schema_is_a_page_or_an_object() -> None:
+    runner = CliRunner()
+    page = runner.invoke(cli.app, ["schema", "columns"]).stdout
+    assert page == (ROOT / "docs" / "data_dictionary.md").read_text(encoding="utf-8")
+    files = json.loads(runner.invoke(cli.app, ["schema", "columns", "--json"]).stdout)
+    column = files["predictions/METHOD.csv"]["x_c_mm"]
+    assert (column["unit"], set(column)) == ("mm", {"unit", "frame", "meaning", "null"})
+    page = runner.invoke(cli.app, ["schema", "format"]).stdout
+    assert json.loads(runner.invoke(cli.app, ["schema", "format", "--json"]).stdout) == {
+        "page": page
+    }
+    assert "columns" in runner.invoke(cli.app, ["schema"]).stderr
+
+
+def test_a_shell_completes_commands_options_and_values() -> None:
+    def completed(words: str, count: int) -> list[str]:
+        completion = {"COMP_WORDS": f"vbaa-bench {words}", "COMP_CWORD": str(count)}
+        done = subprocess.run(
+            [Path(sysconfig.get_path("scripts")) / "vbaa-bench"],
+            env=os.environ | {"_VBAA_BENCH_COMPLETE": "complete_bash"} | completion,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.split()
+
+    assert completed("ver", 1) == ["verify"]
+    assert completed("verify --le", 2) == ["--leaks"]
+    assert completed("schema ", 2) == ["columns", "format"]

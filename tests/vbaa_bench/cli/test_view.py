@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
 from tests.vbaa_bench.stored import store
+from vbaa_bench.cli import app
 from vbaa_bench.cli import view as module
 from vbaa_bench.cli.view import Format, view
 
@@ -57,3 +59,31 @@ def test_pictures_are_written_to_the_report(
     assert Path(record["png"]) == root / "report" / "view.png"
     view(root, out=tmp_path / "new" / "one.png", frames="0")
     assert (tmp_path / "new" / "one.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--push", "a"], "is a scene, so that --push is not allowed"),
+        (["--random", "3", "--frames", "3"], "nor --frames with --random"),
+        (["--frames", "3:5"], "allowed for a scene is the number of one frame"),
+        (["--frames", "100000"], "frame 100000 does not exist, allowed is 0 to 269"),
+        (["--format", "gif"], "is a scene, drawn as png: --format is gif"),
+        (["--out", "a.gif"], "a.gif: ends in 'gif', allowed is png"),
+        (["--set", "beam.length=3"], "length"),
+    ],
+    ids=str,
+)
+def test_what_a_scene_does_not_have_is_refused(words: list[str], message: str) -> None:
+    done = CliRunner().invoke(app, ["view", "scenes/fig8_rigid.yaml", *words])
+    assert isinstance(done.exception, InputError)
+    assert message in str(done.exception)
+
+
+def test_what_a_dataset_does_not_have_is_refused(tmp_path: Path) -> None:
+    root = store(tmp_path / "set", frames=3)
+    for words in (["--random", "3"], ["--seed", "3"], ["--set", "seed=3"], ["--variant", "x"]):
+        done = CliRunner().invoke(app, ["view", str(root), *words])
+        assert "is not a scene, so that --random, --seed" in str(done.exception)
+    missing = CliRunner().invoke(app, ["view", "nowhere.yaml"])
+    assert str(missing.exception) == "nowhere.yaml: cannot be read (No such file or directory)"

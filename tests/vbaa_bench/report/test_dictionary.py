@@ -58,7 +58,9 @@ def undescribed_nulls(table: pl.DataFrame, columns: dict[str, Column]) -> list[s
 
 
 def test_the_page_is_what_the_code_generates() -> None:
-    assert PAGE.read_text(encoding="utf-8") == page(), "run: vbaa-bench dictionary > " + str(PAGE)
+    assert PAGE.read_text(encoding="utf-8") == page(), "run: vbaa-bench schema columns > " + str(
+        PAGE
+    )
 
 
 def test_every_entry_has_a_meaning_that_fits_on_a_line() -> None:

@@ -11,7 +11,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "format.md"
 
 def test_the_page_is_current() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(), (
-        "run vbaa-bench dictionary --page format > docs/format.md"
+        "run vbaa-bench schema format > docs/format.md"
     )
 
 

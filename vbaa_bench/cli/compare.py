@@ -1,37 +1,17 @@
-"""Commands that compare results with earlier ones: baseline, compare."""
+"""The command compare: with a baseline, the errors of an earlier run, which it also stores."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson
 from vbaa_bench.report.console import console, print_line, print_result, show_table
 
 if TYPE_CHECKING:
     from vbaa_bench.regression.comparison import Change
-
-Run = Annotated[Path, typer.Argument(help="folder of a scored dataset or collection")]
-
-
-def baseline(
-    run: Run,
-    out: Annotated[Path, typer.Option("--out", "-o", help="baseline file to write, NAME.json")],
-    why: Annotated[
-        str | None, typer.Option(help="why an existing baseline is replaced; it is stored")
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Store the errors of every frame of a scored run, for `compare`."""
-    with importing():
-        from vbaa_bench.regression.baseline import write_baseline
-        from vbaa_bench.regression.scored_run import read_run
-
-    scored = read_run(run)
-    write_baseline(scored, out, why)
-    record = {"baseline": str(out), "bytes": out.stat().st_size, "methods": scored.methods}
-    print_result(record, f"{out}: {len(scored.methods)} methods", as_json)
 
 
 def compare(
@@ -43,6 +23,13 @@ def compare(
     strict: Annotated[
         bool, typer.Option("--strict", help="fail if a result of all frames is not distinguishable")
     ] = False,
+    save: Annotated[
+        bool, typer.Option("--save", help="store the errors of every frame as BASELINE instead")
+    ] = False,
+    why: Annotated[
+        str | None,
+        typer.Option(help="with --save: why an existing baseline is replaced; it is stored"),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare a scored run with its baseline; report what became better or worse.
@@ -52,6 +39,13 @@ def compare(
     fail, because some are in every comparison of few pushes or of other images; with --strict the
     exit status is 3 if one of all frames is, and none is worse.
     """
+    if save:
+        if everything or strict:
+            raise InputError("--save compares nothing: --all and --strict are not allowed")
+        _save(run, baseline, why, as_json)
+        return
+    if why is not None:
+        raise InputError("--why is stated without --save")
     with importing():
         from vbaa_bench.regression.comparison import compare as compare_runs
         from vbaa_bench.regression.comparison import pairs_of
@@ -79,6 +73,17 @@ def compare(
         raise typer.Exit(1)
     if strict and comparison.unresolved:
         raise typer.Exit(3)
+
+
+def _save(run: Path, out: Path, why: str | None, as_json: bool) -> None:
+    with importing():
+        from vbaa_bench.regression.baseline import write_baseline
+        from vbaa_bench.regression.scored_run import read_run
+
+    scored = read_run(run)
+    write_baseline(scored, out, why)
+    record = {"baseline": str(out), "bytes": out.stat().st_size, "methods": scored.methods}
+    print_result(record, f"{out}: {len(scored.methods)} methods", as_json)
 
 
 _HEADS = (
