@@ -44,7 +44,7 @@ FLOORS: dict[str, list[set[str]]] = {
 }
 # Only these may use the solver beyond its words.
 CALLERS_OF_THE_SOLVER = {"scoring", "benchmarks", "cli", "api"}
-HEAVY = {"mitsuba", "drjit", "trimesh", "OpenEXR", "polars", "altair", "pydantic", "ruamel"}
+HEAVY = {"mitsuba", "drjit", "trimesh", "OpenEXR", "polars", "pydantic", "ruamel"}
 
 
 def modules(package: str) -> list[Path]:

@@ -5,15 +5,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import altair as alt
 import numpy as np
 import polars as pl
-import vl_convert as vlc
 
 from solver.instrument.files import write_bytes
+from vbaa_bench.report.axes import log_axis
+from vbaa_bench.report.drawing import Margins, Plot
+from vbaa_bench.report.figures import chart_png
 
 # Error of the image, over the beam's peak radiance, at which seconds are compared.
 TARGET: Final = 0.005
+_SIZE: Final = (520, 360)
+_COLOURS: Final = ("#0b57d0", "#b3261e", "#9a5b00")
 
 Record = dict[str, Any]
 
@@ -58,17 +61,33 @@ def write(record: Record, out: Path, names: Sequence[str]) -> None:
     )
     out.mkdir(parents=True, exist_ok=True)
     table.write_csv(out / "render_speed.csv")
-    plotted = table.with_columns(percent=100 * pl.col("rmse_over_peak"))
-    x = alt.X("seconds:Q", title="seconds per frame, end to end").scale(type="log", nice=False)
-    y = alt.Y("percent:Q", title="RMSE on the beam [% of its peak]").scale(type="log", nice=False)
-    colour = alt.Color("renderer:N", title=None, sort=list(names)).legend(orient="bottom")
-    target = alt.Chart(pl.DataFrame({"percent": [100 * TARGET]})).mark_rule(strokeDash=[4, 3])
-    base = alt.Chart(plotted)
-    chart = alt.layer(
-        target.encode(y=y),
-        base.mark_line().encode(x=x, y=y, color=colour, order="rmse_over_peak:Q"),
-        base.mark_circle(size=70, opacity=1).encode(x=x, y=y, color=colour),
+    write_bytes(out / "render_speed.png", _png(record, names))
+
+
+def _png(record: Record, names: Sequence[str]) -> bytes:
+    """Draw the curves, each with its name at its last point."""
+    curves = {
+        name: (
+            np.array([point["seconds"] for point in record["curves"][name]]),
+            100 * np.array([point["rmse_over_peak"] for point in record["curves"][name]]),
+        )
+        for name in names
+    }
+    seconds, percents = (np.concatenate(values) for values in zip(*curves.values(), strict=True))
+    plot = Plot(
+        log_axis("seconds per frame, end to end", seconds, 1.15),
+        log_axis("RMSE on the beam [% of its peak]", np.append(percents, 100 * TARGET), 1.15),
+        _SIZE,
+        "Error of the image against seconds per frame",
+        Margins(top=30, right=90),
     )
     title = f"{record['scene']}: ours {record['speedup_at_equal_rmse']:.0f} times as fast"
-    chart = chart.properties(width=430, height=300, title=title)
-    write_bytes(out / "render_speed.png", vlc.vegalite_to_png(chart.to_json(), scale=2))
+    plot.text(_SIZE[0] / 2, 18, title, class_="name")
+    plot.across(100 * TARGET, class_="limit")
+    for name, (x, y) in curves.items():
+        plot.line(x, y, class_=f"curve {name}")
+        for at in zip(x, y, strict=True):
+            plot.marker(*at, "circle", 4, class_=name)
+        u, v = plot.place(x[-1], y[-1])
+        plot.text(float(u) + 8, float(v) + 4, name, class_=f"label {name}")
+    return chart_png(plot.svg(), dict(zip(names, _COLOURS, strict=True)))

@@ -1,4 +1,4 @@
-"""Figures of the README: speed against error, and a frame with truth and estimates."""
+"""Charts as PNG, and figures of the README: speed against error, a frame with its estimates."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -13,13 +13,13 @@ from vbaa_bench.scoring.overlay import Overlay
 
 # The parts of style.css that a chart needs, in the light scheme.
 _STYLE: Final = """
-svg { background: #ffffff } text { font: 11px sans-serif; fill: #555d66 }
+text { font: 11px sans-serif; fill: #555d66 }
 text.name { text-anchor: middle; fill: #1b1f23 }
 text.label { font-size: 12.5px; fill: currentColor }
 .grid { fill: none; stroke: #d8dde2; stroke-width: 0.7 }
 .leader { stroke: currentColor; opacity: 0.45 }
 .limit { stroke: #1b1f23; stroke-width: 1.4; stroke-dasharray: 6 4 } .ink { color: #1b1f23 }
-.bar { stroke: currentColor; stroke-width: 1.8 }
+.bar, .curve { stroke: currentColor; stroke-width: 1.8 } .band { opacity: 0.18 }
 """
 _SCALE: Final = 2
 
@@ -27,12 +27,18 @@ _SCALE: Final = 2
 def speed_png(chart: Markup, methods: Sequence[str]) -> bytes:
     """Convert the chart of speed against error of a page to PNG; `methods` in the page's order."""
     styles = palette.styles(methods)
-    colours = "".join(
-        f".m{number} {{ color: {styles[name].light} }}" for number, name in enumerate(methods)
-    )
+    return chart_png(chart, {f"m{n}": styles[name].light for n, name in enumerate(methods)})
+
+
+def chart_png(chart: Markup, colours: Mapping[str, str], scale: float = _SCALE) -> bytes:
+    """Convert a chart to PNG, `scale` pixels per px; `colours` are those of its CSS classes."""
+    rules = "".join(f".{name} {{ color: {colour} }}" for name, colour in colours.items())
     head, _, body = chart.partition(">")
-    svg = f'{head} xmlns="http://www.w3.org/2000/svg"><style>{_STYLE}{colours}</style>{body}'
-    return bytes(vlc.svg_to_png(svg, scale=_SCALE))
+    # The converter knows no background of an svg: without paper, dark letters are on nothing.
+    paper = f'<rect width="100%" height="100%" fill="{palette.LIGHT_PAGE}"/>'
+    style = f"<style>{_STYLE}{rules}</style>"
+    svg = f'{head} xmlns="http://www.w3.org/2000/svg">{style}{paper}{body}'
+    return bytes(vlc.svg_to_png(svg, scale=scale))
 
 
 def overlay_png(frame: Overlay, colours: Mapping[str, tuple[int, int, int]]) -> bytes:

@@ -24,7 +24,7 @@ from vbaa_bench.cli.main import MOVED
 from vbaa_bench.scoring import child
 
 # Importing these takes tenths of a second to seconds. Typer itself brings pydantic.
-SLOW = {"altair", "cv2", "drjit", "mitsuba", "numba", "numpy", "polars", "scipy"}
+SLOW = {"cv2", "drjit", "mitsuba", "numba", "numpy", "polars", "scipy"}
 SLOW |= {"trimesh", "vl_convert", "ruamel", "OpenEXR"}
 
 ROOT = Path(__file__).parents[3]
