@@ -1,5 +1,6 @@
 """Commands that check a method and this machine."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -68,6 +69,7 @@ def _show_stability(method: str, as_json: bool) -> None:
         from solver.methods.by_name import find_method
         from vbaa_bench.benchmarks import stability
 
+    sys.path.append(str(Path.cwd()))  # a method of the user's own may be there
     methods = METHODS if method == "all" else {method: find_method(method)}
     with console.status("perturbing points"):
         record = stability.measure(methods)

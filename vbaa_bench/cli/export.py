@@ -1,32 +1,38 @@
 """The command that exports a dataset to the formats of other tools."""
 
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.progress import TaskID
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, DatasetPath
+from vbaa_bench.exports.format import FORMATS
 from vbaa_bench.report.console import console, print_result, progress_bars
 
+# Metadata that are added to the dataset, and no format of frames.
+_CROISSANT: Final = "croissant"
 
-class FormatName(StrEnum):
-    """Names of the formats, in the order of the help."""
 
-    HF = "hf"
-    WEBDATASET = "webdataset"
-    LEROBOT = "lerobot"
-    CSV = "csv"
-    CROISSANT = "croissant"
+def _format_names(incomplete: str) -> list[str]:
+    """Complete the name of a format."""
+    return [name for name in (*FORMATS, _CROISSANT) if name.startswith(incomplete)]
 
 
 def export(
     dataset: DatasetPath,
-    to: Annotated[FormatName, typer.Option("--to", help="format to write")],
+    to: Annotated[
+        str,
+        typer.Option(
+            autocompletion=_format_names,
+            help=f"{', '.join(FORMATS)}, {_CROISSANT}, or package.module:Class, see "
+            "docs/export_formats.md",
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(help="new folder to write", show_default="for croissant: into the dataset"),
@@ -45,7 +51,7 @@ def export(
         from vbaa_bench.exports.croissant import write_croissant
         from vbaa_bench.exports.export import export as export_dataset
 
-    if (to == FormatName.CROISSANT) != (out is None):
+    if (to == _CROISSANT) != (out is None):
         raise InputError(
             f"--to is {to} and --out is {out}, allowed is a new folder, or no --out with --to "
             "croissant, which writes into the dataset"
@@ -55,6 +61,7 @@ def export(
             path = write_croissant(dataset)
         print_result({"croissant": str(path)}, str(path), as_json)
         return
+    sys.path.append(str(Path.cwd()))  # a format of the user's own may be there
     try:
         with ExitStack() as shown:
             result = export_dataset(

@@ -14,7 +14,6 @@ import polars as pl
 from vbaa_bench.dataset.column import unit
 from vbaa_bench.exports.card import DATA_LICENCE_URL, SUMMARY
 from vbaa_bench.exports.columns import VECTORS, description
-from vbaa_bench.exports.croissant_texts import BIBTEX, RAI
 from vbaa_bench.exports.source import Source
 
 Node = dict[str, Any]
@@ -49,6 +48,51 @@ _TYPES: Final = {
     pl.Float64(): "cr:Float64",
     pl.Int64(): "cr:Int64",
     pl.Boolean(): "sc:Boolean",
+}
+
+BIBTEX: Final = (
+    "@misc{{vbaa_bench, title={{VBAA-Bench: a physically rendered benchmark for vision-based "
+    "active antennas}}, author={{{{The VBAA-Bench authors}}}}, version={{{version}}}}}"
+)
+
+RAI: Final = {
+    "rai:dataCollection": (
+        "Synthetic. The equilibrium of a flexible beam that is pushed against an object is "
+        "computed (planar elastica, or a Kirchhoff rod in space); meshes of the beam, the "
+        "object and the laboratory are rendered; a model of an image sensor adds noise and "
+        "quantises. Every value of the truth is the input or the result of this computation."
+    ),
+    "rai:dataCollectionType": ["Software Collection"],
+    "rai:dataCollectionMissingData": (
+        "A value that does not exist is null, such as the contact distance of a beam that "
+        "touches nothing. A frame that could not be computed is not in the tables; "
+        "failures.json of its shard states the reason."
+    ),
+    "rai:dataPreprocessingProtocol": ["None: images are stored as the sensor model delivers them."],
+    "rai:dataAnnotationProtocol": ["No annotator: labels are computed before the image."],
+    "rai:machineAnnotationTools": ["VBAA-Bench", "Mitsuba 3"],
+    "rai:dataLimitations": [
+        "Images are rendered, not photographed. Materials, lamps and the sensor are models; a "
+        "method that is trained on them alone has not been shown to work with a real camera.",
+        "A scene has the rig, beams, objects and lights that it states. Conclusions hold for these "
+        "ranges, which truth/manifest.json (rigs/*/truth_manifest.json in exports) lists.",
+        "Where a scene violates an assumption that no image shows, such as friction, the stated "
+        "sigma of a method cannot include the resulting error.",
+    ],
+    "rai:dataBiases": [
+        "Pushes follow the grid or the distributions of the scene, not their frequency in use.",
+    ],
+    "rai:dataUseCases": [
+        "Comparison of methods that estimate contact distance, force, plane of bending and "
+        "stiffness from an image of a bent beam, and training of such methods.",
+        "Not suitable: safety limits of a real machine without measurements on that machine.",
+    ],
+    "rai:personalSensitiveInformation": ["None: the images show no persons."],
+    "rai:dataSocialImpact": "None known: laboratory objects only.",
+    "rai:dataReleaseMaintenancePlan": (
+        "A dataset does not change: it is identified by its scene, seed, code and package "
+        "versions (truth/identity.json), from which the same bytes can be generated again."
+    ),
 }
 
 

@@ -3,30 +3,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes, write_text
 from solver.instrument.hashes import read_bytes
 from vbaa_bench.exports.card import card
 from vbaa_bench.exports.check import differences
-from vbaa_bench.exports.flat_csv import FlatCsv
-from vbaa_bench.exports.format import Format
-from vbaa_bench.exports.hugging_face import HuggingFace
-from vbaa_bench.exports.lerobot import LeRobot
+from vbaa_bench.exports.format import find_format
 from vbaa_bench.exports.output import check_absent, export_folder
 from vbaa_bench.exports.parts import parts
 from vbaa_bench.exports.source import Source, open_source
-from vbaa_bench.exports.web_dataset import WebDataset
-
-FORMATS: Final[dict[str, type[Format]]] = {
-    "hf": HuggingFace,
-    "webdataset": WebDataset,
-    "lerobot": LeRobot,
-    "csv": FlatCsv,
-}
-# Version of the layouts. Raise it when one changes, so that an interrupted export begins again.
-_VERSION: Final = 1
 
 
 @dataclass(frozen=True)
@@ -51,16 +37,17 @@ def export(
     centrelines: bool = False,
     most_bytes: int | None = None,
 ) -> Export:
-    """Write a dataset or collection in the format `name`, one of FORMATS, to the new folder `out`.
+    """Write a dataset or collection in a format to the new folder `out`.
 
+    `name` is one of FORMATS or package.module:Class, a subclass of Format.
     Every frame is read back and compared. `progress` receives the step, what is done of it, and
     all of it: shards that are read, then frames. `most_bytes` is the size of the images in one
     file, by default that of the format. An interrupted export continues at the next call. Raises
-    InputError if the dataset is incomplete or damaged, if the format cannot hold it, or if `out`
-    exists or cannot be written.
+    InputError if the format is unknown, if the dataset is incomplete or damaged, if the format
+    cannot hold it, or if `out` exists or cannot be written.
     """
     check_absent(out)
-    chosen = FORMATS[name](most_bytes)
+    chosen = find_format(name)(most_bytes)
     source = open_source(
         root, centrelines=centrelines, progress=lambda n, of: progress("reading", n, of)
     )
@@ -68,7 +55,7 @@ def export(
         raise InputError(f"{root}: {reason}")
     identity = {
         "format": name,
-        "version": _VERSION,
+        "version": chosen.version,
         "centrelines": centrelines,
         "most_bytes": most_bytes,
         "source": source.identity(),

@@ -7,17 +7,12 @@ import pytest
 
 from tests.command_line import CommandLine
 from vbaa_bench import cli
-from vbaa_bench.cli.export import FormatName
-from vbaa_bench.exports.export import FORMATS
+from vbaa_bench.exports.format import FORMATS
 
 
 @pytest.fixture
 def command(capfd: pytest.CaptureFixture[str]) -> CommandLine:
     return CommandLine(cli.main, capfd)
-
-
-def test_the_names_of_formats_are_those_of_the_code() -> None:
-    assert [name.value for name in FormatName] == [*FORMATS, "croissant"]
 
 
 @pytest.mark.parametrize("name", FORMATS)

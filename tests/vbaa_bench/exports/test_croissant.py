@@ -11,7 +11,7 @@ from tests.vbaa_bench.exports.test_formats import exported
 from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
 from vbaa_bench.exports import croissant
 from vbaa_bench.exports.croissant import document_errors, write_croissant
-from vbaa_bench.exports.croissant_texts import METRICS
+from vbaa_bench.exports.croissant_task import METRICS
 from vbaa_bench.exports.source import open_source
 
 SCORING = Path(__file__).parents[3] / "vbaa_bench" / "scoring"

@@ -18,8 +18,8 @@ from tests.vbaa_bench.exports.written import Size, write_dataset
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.exports import lerobot
 from vbaa_bench.exports.check import same_value
-from vbaa_bench.exports.export import FORMATS
 from vbaa_bench.exports.flat_csv import FlatCsv
+from vbaa_bench.exports.format import FORMATS, find_format
 from vbaa_bench.exports.hugging_face import HuggingFace
 from vbaa_bench.exports.lerobot_stats import combined, value_stats
 from vbaa_bench.exports.output import Record
@@ -44,7 +44,7 @@ def test_an_interrupted_export_continues_to_the_same_bytes(
     tmp_path: Path, data: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = exported(data, name, tmp_path / "whole", most_bytes=SMALL_FILE)
-    chosen, written = FORMATS[name], list[int]()
+    chosen, written = find_format(name), list[int]()
     write_part = chosen.write_part
     monkeypatch.setattr(chosen, "usual_cut", chosen.usual_cut)
     if name == "csv":  # it cuts by the number of frames
@@ -217,14 +217,14 @@ def _swapped(self: Any, folder: Path, part: Part) -> Any:
     return _WRITE[type(self)](self, folder, Swapped(**vars(part)))
 
 
-_WRITE: dict[type, Any] = {kind: kind.write_part for kind in FORMATS.values()}
+_WRITE: dict[type, Any] = {kind: kind.write_part for kind in map(find_format, FORMATS)}
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_swapped_images_are_named(
     tmp_path: Path, data: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FORMATS[name], "write_part", _swapped)
+    monkeypatch.setattr(find_format(name), "write_part", _swapped)
     with pytest.raises(DamageError, match=r"out: is not what was exported: the image of the frame"):
         exported(data, name, tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -246,7 +246,7 @@ def test_changed_labels_and_missing_frames_are_named(
                 yield frame
 
     monkeypatch.setattr(kind, "read_back", changed)
-    name = next(key for key, value in FORMATS.items() if value is kind)
+    name = next(key for key in FORMATS if find_format(key) is kind)
     with pytest.raises(DamageError) as caught:
         exported(data, name, tmp_path / "out")
     assert "x_c_mm of the frame" in str(caught.value)

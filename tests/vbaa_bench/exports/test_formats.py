@@ -17,7 +17,8 @@ from solver.instrument.images import read_grey
 from tests.sealing import reseal
 from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.exports.export import FORMATS, export
+from vbaa_bench.exports.export import export
+from vbaa_bench.exports.format import FORMATS
 from vbaa_bench.exports.source import open_source
 
 DEEP = Size(bits=16)
