@@ -10,7 +10,7 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from vbaa_bench.report.gallery import colours_of
-from vbaa_bench.viewer.drawn_frame import draw_frame, even
+from vbaa_bench.viewer.drawn_frame import draw_frame
 from vbaa_bench.viewer.ellipse_plot import ellipse_plot
 from vbaa_bench.viewer.frames import ViewedDataset
 
@@ -31,7 +31,7 @@ def mp4(data: ViewedDataset, progress: Progress) -> bytes:
         stream = container.add_stream("libx264", Fraction(FRAMES_PER_SECOND), {"crf": str(_CRF)})
         stream.pix_fmt = "yuv420p"
         for number, picture in enumerate(_pictures(data, progress)):
-            part = even(picture)
+            part = _even(picture)
             if number == 0:
                 stream.height, stream.width = part.shape[:2]
             frame = av.VideoFrame.from_ndarray(part, "bgr24")
@@ -70,6 +70,12 @@ def _pictures(data: ViewedDataset, progress: Progress) -> Iterable[np.ndarray]:
     for number, frame in enumerate(data):
         yield draw_frame(frame, colours, plot)
         progress(number + 1)
+
+
+def _even(picture: np.ndarray) -> np.ndarray:
+    """Cut a picture (height, width, 3) to even sizes, which video codecs need."""
+    height, width = picture.shape[:2]
+    return np.ascontiguousarray(picture[: height - height % 2, : width - width % 2])
 
 
 def _reduced(picture: np.ndarray) -> np.ndarray:

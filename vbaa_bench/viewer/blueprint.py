@@ -8,9 +8,10 @@ import numpy as np
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.viewer.ellipse_plot import HALF
 from vbaa_bench.viewer.frames import ViewedDataset
-from vbaa_bench.viewer.picture import IMAGE
 from vbaa_bench.viewer.plots import Series
 
+# Entity of the camera and its image.
+IMAGE: Final = "space/camera"
 # Direction from which space is shown. Chosen: from the side of the object, and from above.
 _FROM: Final = np.array([0.25, -1.0, 0.3])
 # Chosen: the steps of a push can be followed.

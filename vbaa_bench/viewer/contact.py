@@ -8,7 +8,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
-from vbaa_bench.viewer.ellipses import ellipse
+from vbaa_bench.viewer.ellipse_plot import ellipse
 from vbaa_bench.viewer.frames import ViewedFrame
 
 

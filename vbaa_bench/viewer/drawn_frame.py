@@ -8,8 +8,7 @@ import numpy as np
 
 from vbaa_bench.report.gallery import TRUTH, Colours, close_up, strip
 from vbaa_bench.report.numbers import short
-from vbaa_bench.viewer.ellipse_plot import EllipsePlot
-from vbaa_bench.viewer.error_panel import error_panel
+from vbaa_bench.viewer.ellipse_plot import EllipsePlot, error_panel
 from vbaa_bench.viewer.frames import Row, ViewedFrame
 from vbaa_bench.viewer.text import BOLD, FAINT, INK, PAPER, Colour, write, write_right
 
@@ -48,12 +47,6 @@ def draw_frame(frame: ViewedFrame, colours: Colours, plot: EllipsePlot) -> np.nd
     if colours:
         canvas[top : top + _SIDE, left : left + _SIDE] = error_panel(frame, colours, plot, _SIDE)
     return canvas
-
-
-def even(picture: np.ndarray) -> np.ndarray:
-    """Cut a picture (height, width, 3) to even sizes, which video codecs need."""
-    height, width = picture.shape[:2]
-    return np.ascontiguousarray(picture[: height - height % 2, : width - width % 2])
 
 
 def drawn_image(

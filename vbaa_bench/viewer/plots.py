@@ -1,19 +1,21 @@
 """Entities over time and in the plot of errors: values, ellipses, and a table."""
 
 import math
-from typing import Final, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from vbaa_bench.report import palette
+from vbaa_bench.report.numbers import short
 from vbaa_bench.viewer.ellipse_plot import HALF, ellipse_plot
 from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
 from vbaa_bench.viewer.log import Log, present, rgb
-from vbaa_bench.viewer.table import markdown
 
 # Name of the truth beside those of the methods.
 _TRUE: Final = "true"
 _AXES: Final = "#8a9199"
+_HEAD: Final = "| method | x_c, mm | +- | force, mN | +- | outcome |\n|---|---:|---:|---:|---:|---|"
 
 
 class Series(NamedTuple):
@@ -101,7 +103,7 @@ class Plots:
             outline = None if placed is None else placed.ellipse
             self._log.points(f"errors/{method}", present(point), colour, 4.0, method)
             self._log.lines(f"errors/{method}/ellipse", present(outline), colour)
-        document = self._log.rr.TextDocument(markdown(frame), media_type="text/markdown")
+        document = self._log.rr.TextDocument(_table(frame), media_type="text/markdown")
         self._log.write("table", document)
 
     def _style(self, entity: str, colour: str, width: float) -> None:
@@ -113,3 +115,29 @@ class Plots:
         """Write a value; a missing one interrupts the line."""
         number = math.nan if value is None else factor * value
         self._log.write(entity, self._log.rr.Scalars(np.float64(number)))
+
+
+def _table(frame: ViewedFrame) -> str:
+    """Tabulate the truth and all estimates of a frame, as Markdown."""
+    row = frame.row
+    lines = [f"**{frame.title}**", "", _HEAD]
+    lines.append(f"| true | {_cell(row['x_c_mm'])} | | {_cell(row['force_n'], 1e3)} | | |")
+    lines += [_line(method, estimate) for method, estimate in frame.estimates.items()]
+    lines += ["", f"frame {frame.row['frame_id']}, push {frame.row['push_id']}"]
+    return "\n".join(lines)
+
+
+def _line(method: str, row: Mapping[str, Any]) -> str:
+    cells = (
+        method,
+        _cell(row["x_c_mm"]),
+        _cell(row["x_c_sigma_mm"], digits=2),
+        _cell(row["force_n"], 1e3),
+        _cell(row["force_sigma_n"], 1e3, 2),
+        row["outcome"],
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _cell(value: float | None, factor: float = 1.0, digits: int = 5) -> str:
+    return "–" if value is None else short(factor * value, digits)

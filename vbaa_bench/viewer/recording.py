@@ -2,19 +2,26 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import cv2
+import numpy as np
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import move_into_place
 from solver.instrument.hashes import digest
 from vbaa_bench.report import palette
-from vbaa_bench.viewer.blueprint import blueprint
+from vbaa_bench.report.gallery import display
+from vbaa_bench.viewer.blueprint import IMAGE, blueprint
 from vbaa_bench.viewer.bodies import Bodies
-from vbaa_bench.viewer.frames import ViewedDataset
-from vbaa_bench.viewer.log import Log
-from vbaa_bench.viewer.picture import write_picture
+from vbaa_bench.viewer.contact import estimated_contact
+from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
+from vbaa_bench.viewer.log import Log, present
 from vbaa_bench.viewer.plots import Plots, estimated_series
 from vbaa_bench.viewer.space import Space
+
+# From OpenCV's pixels, whose centres have integer coordinates, to those of rerun.
+_HALF_PIXEL: Final = np.array([0.5, 0.5])
 
 
 def write_recording(
@@ -44,7 +51,7 @@ def write_recording(
             stream.set_time("frame", sequence=frame.number)
             stream.set_time("push", sequence=frame.push)
             space.frame(frame, colours)
-            write_picture(log, frame, colours)
+            _write_image(log, frame, colours)
             plots.frame(frame)
             progress(done + 1)
         stream.flush()
@@ -56,6 +63,26 @@ def write_recording(
         stream.disconnect()
         aside.unlink(missing_ok=True)
     return f"bodies are not shown: {bodies.reason}" if bodies.reason else ""
+
+
+def _write_image(log: Log, frame: ViewedFrame, colours: dict[str, str]) -> None:
+    """Write the image of a frame, brightened for display, and what is drawn on it."""
+    overlay = frame.overlay
+    success, png = cv2.imencode(".png", display(overlay.image))
+    assert success
+    image = log.rr.EncodedImage(contents=bytes(png), media_type="image/png")
+    log.write(f"{IMAGE}/image", image)
+    log.lines(f"{IMAGE}/beam", [overlay.centreline + _HALF_PIXEL], palette.TRUTH, 0.7)
+    contact = None if overlay.contact is None else overlay.contact + _HALF_PIXEL
+    log.points(f"{IMAGE}/contact", present(contact), palette.TRUTH, 5.0, "true contact")
+    for method, colour in colours.items():
+        position = overlay.estimates.get(method)
+        shifted = None if position is None else position + _HALF_PIXEL
+        log.points(f"{IMAGE}/estimates/{method}", present(shifted), colour, 3.0, method)
+        estimate = estimated_contact(frame, method)
+        outline = None if estimate is None else estimate.ellipse
+        strips = [] if outline is None else [frame.truth.camera.project(outline) + _HALF_PIXEL]
+        log.lines(f"{IMAGE}/estimates/{method}/ellipse", strips, colour)
 
 
 def _rerun() -> Any:
