@@ -12,7 +12,7 @@ from results.pictures.outside_view import outside_view
 from solver.instrument.errors import InputError
 from solver.lab.command_end import run_command
 from solver.lab.writing import prepare_output_path
-from vbaa_bench.cli.options import Picture, ScenePath, Variant
+from vbaa_bench.cli.options import ScenePath, Variant
 from vbaa_bench.render.variant import choose
 from vbaa_bench.report.console import console, progress_bars
 from vbaa_bench.scene.load import load_scene
@@ -25,6 +25,7 @@ app = typer.Typer()
 
 
 Folder = Annotated[Path, typer.Argument(help="folder of scenes")]
+Picture = Annotated[Path | None, typer.Option(help="PNG file to write", show_default="in results/")]
 
 
 @app.command()

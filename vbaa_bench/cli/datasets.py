@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Workers
+from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Workers, parsed_range
 from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
 
 if TYPE_CHECKING:
     from vbaa_bench.benchmarks.leaks import LeakTest
+    from vbaa_bench.dataset.subset import Choice
 
 
 class Page(StrEnum):
@@ -143,13 +145,33 @@ def subset(
 ) -> None:
     """Copy some frames of a dataset into a new dataset, which is solved and scored as any other."""
     with importing():
-        from vbaa_bench.dataset.subset import Choice, choice_of
         from vbaa_bench.dataset.subset import subset as write_subset
 
-    choice: Choice = choice_of(frames, split, shards, cut_pushes)
+    choice = choice_of(frames, split, shards, cut_pushes)
     with console.status("copying"):
         count = write_subset(dataset, out, choice)
     print_result({"dataset": str(out), "frames": count}, f"{count} frames in {out}", as_json)
+
+
+def choice_of(
+    frames: int | None, split: str | None, shards: str | None, cut_pushes: bool
+) -> "Choice":
+    """Return the frames that the options of `subset` choose. Raises InputError."""
+    with importing():
+        from vbaa_bench.dataset.subset import Choice
+
+    if sum(value is not None for value in (frames, split, shards)) != 1:
+        raise InputError("allowed is one of --frames, --split and --shards")
+    if cut_pushes and frames is None:
+        raise InputError("--cut-pushes is allowed with --frames only")
+    if shards is None:
+        return Choice(frames, split, None, cut_pushes)
+    chosen = parsed_range(shards)
+    if chosen is None or chosen.stop is None:
+        raise InputError(f"--shards is {shards}, allowed is a number or a range such as 0:10")
+    if chosen.start >= chosen.stop:
+        raise InputError(f"--shards is {shards}, allowed is a range such as 0:10")
+    return Choice(shards=(chosen.start, chosen.stop))
 
 
 def schema(

@@ -50,19 +50,27 @@ def _checked_path(path: Path | None) -> Path | None:
     return path
 
 
+def parsed_range(text: str) -> slice | None:
+    """Parse 7, 3:7 (3 to 6), 3: (from 3) or :7 (to 6); None if the text is no such range."""
+    first, colon, last = text.partition(":")
+    if not all(part == "" or part.isdecimal() for part in (first, last)) or text in ("", ":"):
+        return None
+    start = int(first or 0)
+    if not colon:
+        return slice(start, start + 1)
+    return slice(start, int(last) if last else None)
+
+
 def rig_numbers(text: str | None, count: int) -> range:
     """Parse the numbers of rigs, such as 7 or 3:7, of a scene with `count`. Raises InputError."""
     if text is None:
         return range(count)
-    first, colon, last = text.partition(":")
-    try:
-        start = int(first) if first else 0
-        end = (int(last) if last else count) if colon else start + 1
-    except ValueError:
-        start, end = 0, -1
-    if not 0 <= start < end <= count:
-        raise InputError(f"--rigs is {text}, allowed is a number or a range within 0:{count}")
-    return range(start, end)
+    chosen = parsed_range(text)
+    if chosen is not None:
+        numbers = range(chosen.start, count if chosen.stop is None else chosen.stop)
+        if numbers and numbers.stop <= count:
+            return numbers
+    raise InputError(f"--rigs is {text}, allowed is a number or a range within 0:{count}")
 
 
 def part_of(text: str | None) -> tuple[int, int] | None:
@@ -82,10 +90,6 @@ DatasetPath = Annotated[
 Out = Annotated[
     Path | None,
     typer.Option(callback=_checked_path, help="folder to write", show_default="runs/<scene>"),
-]
-Picture = Annotated[
-    Path | None,
-    typer.Option(callback=_checked_path, help="PNG file to write", show_default="in results/"),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="seed in place of the scene's own")]
 Settings = Annotated[

@@ -11,7 +11,7 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, Seed, Settings, Variant
+from vbaa_bench.cli.options import AsJson, Seed, Settings, Variant, parsed_range
 from vbaa_bench.report.console import console, print_result, progress_bars
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def view(
             f"{source}: is not a scene, so that --random, --seed, --set and --variant are not "
             "allowed"
         )
-    _show_frames(source, out, format_, _range(frames or "0:120"), push or (), as_json)
+    _show_frames(source, out, format_, _frames(frames or "0:120"), push or (), as_json)
 
 
 def _draw_frame(
@@ -197,12 +197,9 @@ def _number(text: str) -> int:
     return int(text)
 
 
-def _range(text: str) -> slice:
+def _frames(text: str) -> slice:
     """Parse a number of a frame, or a range. Raises InputError."""
-    first, colon, last = text.partition(":")
-    if not all(part == "" or part.isdecimal() for part in (first, last)) or text in ("", ":"):
+    chosen = parsed_range(text)
+    if chosen is None:
         raise InputError(f"--frames is {text}, allowed is a number or a range such as 0:120")
-    start = int(first or 0)
-    if not colon:
-        return slice(start, start + 1)
-    return slice(start, int(last) if last else None)
+    return chosen

@@ -4,6 +4,7 @@ Each is declared once. The check of tables, the data dictionary and the descript
 follow from the declaration.
 """
 
+from collections.abc import Mapping
 from enum import Enum, StrEnum
 from typing import Final, NamedTuple
 
@@ -78,6 +79,16 @@ SIGMA_O: Final = "Sigma_o"
 TABLE: Final = "table"
 ALONG_X: Final = "Sigma_a, x axis"
 FREE: Final = "nothing is touched"
+
+
+def markdown(columns: Mapping[str, Column]) -> str:
+    """Describe columns as a table of Markdown: name, unit, frame, meaning and null."""
+    lines = ["| name | unit | frame | meaning | null |", "|---|---|---|---|---|"]
+    for name, column in columns.items():
+        cells = (f"`{name}`", unit(name), column.frame, column.meaning, column.null)
+        texts = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
+        lines.append(f"| {' | '.join(texts)} |")
+    return "\n".join(lines)
 
 
 def unit(name: str) -> str:

@@ -49,26 +49,6 @@ class Choice(NamedTuple):
         return {"choice": "shards", "shards": self.shards}
 
 
-def choice_of(
-    frames: int | None, split: str | None, shards: str | None, cut_pushes: bool
-) -> Choice:
-    """Return the choice that options of the command line state. Raises InputError."""
-    if sum(value is not None for value in (frames, split, shards)) != 1:
-        raise InputError("allowed is one of --frames, --split and --shards")
-    if cut_pushes and frames is None:
-        raise InputError("--cut-pushes is allowed with --frames only")
-    if shards is None:
-        return Choice(frames, split, None, cut_pushes)
-    first, colon, end = shards.partition(":")
-    numbers = [first or "0", end] if colon else [first, first]
-    if not all(number.isdecimal() for number in numbers):
-        raise InputError(f"--shards is {shards}, allowed is a number or a range such as 0:10")
-    start, stop = int(numbers[0]), int(numbers[1]) + (not colon)
-    if start >= stop:
-        raise InputError(f"--shards is {shards}, allowed is a range such as 0:10")
-    return Choice(shards=(start, stop))
-
-
 class Frames(NamedTuple):
     """Chosen frames of a shard, by id, and whether these are all of its frames."""
 

@@ -1,11 +1,10 @@
 """The card of an export: README.md, with what the data are, their columns and their licence."""
 
 import re
-from collections.abc import Iterable
 from typing import Final
 
-from vbaa_bench.dataset.column import unit
-from vbaa_bench.exports.columns import description
+from vbaa_bench.dataset.column import markdown
+from vbaa_bench.exports.columns import described
 from vbaa_bench.exports.format import Format
 from vbaa_bench.exports.source import Source
 
@@ -82,19 +81,9 @@ def card(source: Source, chosen: Format) -> str:
         layout=chosen.layout,
         digest=source.digest,
         bits=" or ".join(map(str, depths)),
-        readings=_table(["push_id", "step", *schema.readings]),
-        labels=_table(schema.labels),
+        readings=markdown(described(["push_id", "step", *schema.readings])),
+        labels=markdown(described(schema.labels)),
         licence=DATA_LICENCE,
         licence_url=DATA_LICENCE_URL,
         paper=PAPER,
     )
-
-
-def _table(names: Iterable[str]) -> str:
-    lines = ["| name | unit | frame | meaning | null |", "|---|---|---|---|---|"]
-    for name in names:
-        column = description(name)
-        cells = (f"`{name}`", unit(name), column.frame, column.meaning, column.null)
-        texts = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
-        lines.append(f"| {' | '.join(texts)} |")
-    return "\n".join(lines)

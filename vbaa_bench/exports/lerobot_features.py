@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from vbaa_bench.exports.columns import VECTORS, Schema
+from vbaa_bench.exports.parquet import TYPE_NAMES
 from vbaa_bench.exports.source import Source
 
 IMAGE: Final = "observation.image"
@@ -22,13 +23,6 @@ USUAL: Final = {
     "episode_index": pl.Int64(),
     "index": pl.Int64(),
     "task_index": pl.Int64(),
-}
-_DTYPES: Final = {
-    pl.Float32(): "float32",
-    pl.Float64(): "float64",
-    pl.Int64(): "int64",
-    pl.Boolean(): "bool",
-    pl.String(): "string",
 }
 
 
@@ -66,7 +60,7 @@ class Features:
         }
         described = {name: _described(feature) for name, feature in self.by_name.items()}
         usual = {
-            name: {"dtype": _DTYPES[dtype], "shape": [1], "names": None}
+            name: {"dtype": TYPE_NAMES[dtype], "shape": [1], "names": None}
             for name, dtype in USUAL.items()
         }
         return {IMAGE: image, **described, **usual}
@@ -88,7 +82,7 @@ def _described(feature: Feature) -> dict[str, Any]:
     names = list("xyz") if feature.columns[0] in VECTORS else list(feature.columns)
     text = feature.dtype == pl.String()
     return {
-        "dtype": _DTYPES[feature.dtype],
+        "dtype": TYPE_NAMES[feature.dtype],
         "shape": [feature.size],
         "names": None if text else names,
     }

@@ -46,7 +46,8 @@ def features(table: Mapping[str, pl.DataType]) -> dict[str, Any]:
     return {"info": {"features": {name: _feature(dtype) for name, dtype in table.items()}}}
 
 
-_NAMES: Final = {
+# Names of types in Hugging Face's features, and in LeRobot's.
+TYPE_NAMES: Final = {
     pl.String(): "string",
     pl.Float64(): "float64",
     pl.Float32(): "float32",
@@ -61,4 +62,4 @@ def _feature(dtype: pl.DataType) -> dict[str, Any]:
             return {"_type": "Image"}
         case pl.List():
             return {"feature": {"dtype": "float64", "_type": "Value"}, "_type": "Sequence"}
-    return {"dtype": _NAMES[dtype], "_type": "Value"}
+    return {"dtype": TYPE_NAMES[dtype], "_type": "Value"}

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from vbaa_bench.dataset.column import Column, unit
+from vbaa_bench.dataset.column import Column, markdown, unit
 from vbaa_bench.dataset.columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
 from vbaa_bench.scoring.columns import FACTORS, LIMITS, PREDICTIONS, SCORES, STRATA_TABLE
 
@@ -45,7 +45,8 @@ Every column and key of the files of a dataset or a collection. This page is gen
 
 def page() -> str:
     """Write the page as Markdown."""
-    return "\n".join([_HEAD, *(_table(section) for section in SECTIONS)])
+    tables = (f"## {one.heading}\n\n{markdown(one.columns)}\n" for one in SECTIONS)
+    return "\n".join([_HEAD, *tables])
 
 
 def record() -> dict[str, dict[str, dict[str, str]]]:
@@ -62,12 +63,3 @@ def record() -> dict[str, dict[str, dict[str, str]]]:
         }
         for section in SECTIONS
     }
-
-
-def _table(section: Section) -> str:
-    lines = [f"## {section.heading}", "", "| name | unit | frame | meaning | null |"]
-    lines.append("|---|---|---|---|---|")
-    for name, column in section.columns.items():
-        cells = (f"`{name}`", unit(name), column.frame, column.meaning, column.null)
-        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
-    return "\n".join(lines) + "\n"

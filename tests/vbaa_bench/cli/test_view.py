@@ -10,6 +10,7 @@ from solver.instrument.errors import InputError
 from tests.vbaa_bench.stored import store
 from vbaa_bench.cli import app
 from vbaa_bench.cli import view as module
+from vbaa_bench.cli.options import parsed_range, rig_numbers
 from vbaa_bench.cli.view import Format, view
 
 
@@ -38,13 +39,19 @@ def test_a_wrong_suffix_is_refused() -> None:
 
 
 def test_ranges_of_frames() -> None:
-    assert module._range("7") == slice(7, 8)
-    assert module._range("3:7") == slice(3, 7)
-    assert module._range("3:") == slice(3, None)
-    assert module._range(":7") == slice(0, 7)
+    assert parsed_range("7") == slice(7, 8)
+    assert parsed_range("3:7") == slice(3, 7)
+    assert parsed_range("3:") == slice(3, None)
+    assert parsed_range(":7") == slice(0, 7)
     for text in ("", ":", "a", "-1", "1:2:3"):
+        assert parsed_range(text) is None
         with pytest.raises(InputError, match=r"--frames is .*, allowed is a number or a range"):
-            module._range(text)
+            module._frames(text)
+    assert rig_numbers(None, 5) == range(5)
+    assert rig_numbers("2:", 5) == range(2, 5)
+    for text in ("5", "3:6", "3:3", "4:2", "x"):
+        with pytest.raises(InputError, match=f"--rigs is {text}, allowed .* within 0:5"):
+            rig_numbers(text, 5)
 
 
 def test_pictures_are_written_to_the_report(

@@ -15,6 +15,7 @@ from tests.draws import scene_seed
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.api.verification import verify
+from vbaa_bench.cli.datasets import choice_of
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.identity import OtherDatasetError, check_identity, dataset_identity
 from vbaa_bench.dataset.info import collection_info, dataset_info
@@ -22,7 +23,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.dataset.subset import Choice, choice_of, subset
+from vbaa_bench.dataset.subset import Choice, subset
 from vbaa_bench.dataset.verify import Counts, faults
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.layout import Results
