@@ -10,7 +10,7 @@ from rich.table import Table
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import MEMORY_GB, AsJson, Memory, Variant
+from vbaa_bench.cli.options import MEMORY_GB, AsJson, Memory, Variant, checked_path
 from vbaa_bench.report.console import console, print_result, show_table
 
 
@@ -19,7 +19,9 @@ def check_method(
     dataset: Annotated[
         Path | None,
         typer.Argument(
-            help="dataset folder, from generate or run", show_default="three pushes, rendered once"
+            callback=checked_path,
+            help="dataset folder, from generate or run",
+            show_default="three pushes, rendered once",
         ),
     ] = None,
     stability: Annotated[
@@ -69,7 +71,8 @@ def _show_stability(method: str, as_json: bool) -> None:
         from solver.methods.by_name import find_method
         from vbaa_bench.benchmarks import stability
 
-    sys.path.append(str(Path.cwd()))  # a method of the user's own may be there
+    if ":" in method:  # a function of the user's own may be in the current folder
+        sys.path.append(str(Path.cwd()))
     methods = METHODS if method == "all" else {method: find_method(method)}
     with console.status("perturbing points"):
         record = stability.measure(methods)

@@ -7,7 +7,7 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson
+from vbaa_bench.cli.options import AsJson, checked_path
 from vbaa_bench.report.console import console, print_line, print_result, show_table
 
 if TYPE_CHECKING:
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def compare(
     run: Annotated[Path, typer.Argument(help="folder of a scored run, or of several")],
-    baseline: Annotated[Path, typer.Argument(help="baseline file, or folder of several")],
+    baseline: Annotated[
+        Path, typer.Argument(callback=checked_path, help="baseline file, or folder of several")
+    ],
     everything: Annotated[
         bool, typer.Option("--all", help="also print what has not changed, and all strata")
     ] = False,

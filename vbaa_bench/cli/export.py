@@ -10,7 +10,7 @@ import typer
 from rich.progress import TaskID
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, DatasetPath
+from vbaa_bench.cli.options import AsJson, DatasetPath, checked_path
 from vbaa_bench.exports.format import FORMATS
 from vbaa_bench.report.console import console, print_result, progress_bars
 
@@ -35,7 +35,11 @@ def export(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(help="new folder to write", show_default="for croissant: into the dataset"),
+        typer.Option(
+            callback=checked_path,
+            help="new folder to write",
+            show_default="for croissant: into the dataset",
+        ),
     ] = None,
     centrelines: Annotated[
         bool, typer.Option("--centrelines", help="export the centrelines too, 15 kB per frame")
@@ -61,7 +65,8 @@ def export(
             path = write_croissant(dataset)
         print_result({"croissant": str(path)}, str(path), as_json)
         return
-    sys.path.append(str(Path.cwd()))  # a format of the user's own may be there
+    if ":" in to:  # a format of the user's own may be in the current folder
+        sys.path.append(str(Path.cwd()))
     try:
         with ExitStack() as shown:
             result = export_dataset(

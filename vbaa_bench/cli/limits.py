@@ -6,14 +6,12 @@ from typing import Annotated
 import typer
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, Seed, Settings, Variant, Workers
+from vbaa_bench.cli.options import AsJson, SceneOrDataset, Seed, Settings, Variant, Workers
 from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
 
 
 def limits(
-    source: Annotated[
-        Path, typer.Argument(help="scene file, or folder of a dataset or a collection")
-    ],
+    source: SceneOrDataset,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -49,7 +47,7 @@ def limits(
     """Compute information limits: of a scene as maps, without rendering; or of a dataset.
 
     A limit is the smallest standard deviation that a method without bias can have (Cramer, Rao).
-    Those of a dataset are stored in it, for `score` and `report`.
+    Those of a dataset or collection are stored in it, for `score` and `report`.
     """
     with importing():
         from solver.instrument.errors import InputError

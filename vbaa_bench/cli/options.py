@@ -40,7 +40,7 @@ def _checked_centrelines(centrelines: list[str] | None) -> list[str] | None:
     return centrelines
 
 
-def _checked_path(path: Path | None) -> Path | None:
+def checked_path(path: Path | None) -> Path | None:
     """Reject an invalid file name before minutes of work. Raises InputError."""
     try:
         if path is not None:
@@ -85,11 +85,14 @@ def part_of(text: str | None) -> tuple[int, int] | None:
 
 ScenePath = Annotated[Path, typer.Argument(help="scene file, such as scenes/quickstart.yaml")]
 DatasetPath = Annotated[
-    Path, typer.Argument(callback=_checked_path, help="dataset folder, from generate or run")
+    Path, typer.Argument(callback=checked_path, help="dataset folder, from generate or run")
+]
+SceneOrDataset = Annotated[
+    Path, typer.Argument(callback=checked_path, help="scene file, or folder of a dataset")
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(callback=_checked_path, help="folder to write", show_default="runs/<scene>"),
+    typer.Option(callback=checked_path, help="folder to write", show_default="runs/<scene>"),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="seed in place of the scene's own")]
 Settings = Annotated[

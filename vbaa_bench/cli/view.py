@@ -11,7 +11,7 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, Seed, Settings, Variant, parsed_range
+from vbaa_bench.cli.options import AsJson, SceneOrDataset, Seed, Settings, Variant, parsed_range
 from vbaa_bench.report.console import console, print_result, progress_bars
 
 if TYPE_CHECKING:
@@ -30,9 +30,7 @@ class Format(StrEnum):
 
 
 def view(
-    source: Annotated[
-        Path, typer.Argument(help="dataset folder, from generate or run; or a scene file")
-    ],
+    source: SceneOrDataset,
     out: Annotated[
         Path | None,
         typer.Option(

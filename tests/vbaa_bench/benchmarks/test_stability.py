@@ -1,9 +1,11 @@
 """Error amplification, condition and rounding of the methods, each found by another road."""
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -146,7 +148,7 @@ def test_an_answer_that_is_lost_has_no_amplification() -> None:
 
 
 def test_the_command_prints_a_table_or_json(
-    record: stability.Record, monkeypatch: pytest.MonkeyPatch
+    record: stability.Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stability, "measure", lambda _methods: record)
     words = ["check-method", "all", "--stability"]
@@ -158,6 +160,12 @@ def test_the_command_prints_a_table_or_json(
     for name in METHODS:
         assert name in shown.stdout
     assert len(rows(record)) == 2 * len(METHODS)
+    (tmp_path / "mine.py").write_text("def solve(measurement): ...\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr(stability, "measure", lambda methods: {"methods": dict.fromkeys(methods)})
+    own = CliRunner().invoke(cli.app, ["check-method", "mine:solve", "--stability", "--json"])
+    assert json.loads(own.stdout) == {"methods": {"mine:solve": None}}
     refused = CliRunner().invoke(cli.app, ["check-method", "all", "runs/set", "--stability"])
     assert str(refused.exception) == "--stability needs no dataset: its points are simulated"
     unknown = CliRunner().invoke(cli.app, ["check-method", "magic", "--stability"])

@@ -16,6 +16,7 @@ import typer
 from typer.testing import CliRunner
 
 from solver.centreline.extractors import EXTRACTORS
+from solver.instrument.errors import InputError
 from solver.methods import METHODS
 from tests.command_line import CommandLine
 from vbaa_bench import cli
@@ -143,6 +144,24 @@ def test_what_is_wrong_is_one_json_object_for_a_script(
     ended = CommandLine(cli.main, capfd)(*words, "--json")
     assert (ended.status, ended.err) == (2, "")
     assert said in json.loads(ended.out)["error"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["view"],
+        ["limits"],
+        ["compare", "."],
+        ["compare", "--save", "."],
+        ["check-method", "exact_fit"],
+        ["export", ".", "--to", "csv", "--out"],
+    ],
+    ids=" ".join,
+)
+def test_a_name_that_is_too_long_is_one_sentence(words: list[str]) -> None:
+    done = CliRunner().invoke(cli.app, [*words, 300 * "a"])
+    assert isinstance(done.exception, InputError)
+    assert "is not a file or folder name (File name too long)" in str(done.exception)
 
 
 def test_the_schema_is_a_page_or_an_object() -> None:
