@@ -6,11 +6,12 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 from markupsafe import Markup
+from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
+from solver.instrument.arrays import Floats
 from vbaa_bench.report.axes import Axis, log_axis
 from vbaa_bench.report.drawing import Margins, Plot
-from vbaa_bench.report.labels import spread
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
 from vbaa_bench.report.statistics import MethodStatistics
@@ -159,3 +160,17 @@ def _sentence(one: MethodStatistics) -> str:
         f"{one.method}: {short(one.median)} % of L ({short(low)} to {short(high)}), "
         f"{short(one.ms)} ms"
     )
+
+
+def spread(wanted: Floats, gap: float) -> Floats:
+    """Place labels beside a plot, as near to their points as possible without overlap.
+
+    Return places (n,) at least `gap` apart, in the order of `wanted` (n,), with the least sum of
+    squared distances from it: after subtracting i * gap from the i-th place, places must not
+    decrease, which is isotonic regression.
+    """
+    order = np.argsort(wanted, kind="stable")
+    steps = gap * np.arange(len(order))
+    places = np.empty(len(order))
+    places[order] = isotonic_regression(np.asarray(wanted, float)[order] - steps).x + steps
+    return places

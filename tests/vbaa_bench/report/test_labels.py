@@ -7,8 +7,8 @@ from hypothesis.extra.numpy import arrays
 
 from tests.vbaa_bench.report.synthetic import scores
 from vbaa_bench.report import speed_chart
-from vbaa_bench.report.labels import spread
 from vbaa_bench.report.palette import styles
+from vbaa_bench.report.speed_chart import spread
 from vbaa_bench.report.statistics import statistics, with_groups
 
 PLACES = arrays(float, st.integers(0, 12), elements=st.floats(-1e3, 1e3))
