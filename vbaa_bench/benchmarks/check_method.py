@@ -29,6 +29,7 @@ from vbaa_bench.scoring.metrics import read_predictions, score_frames
 from vbaa_bench.scoring.plausible import NEAR
 from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
 from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES, ScoredQuantity
+from vbaa_bench.scoring.statistics import CONTACTS, RMS
 
 FRAMES: Final = 12
 # Three pushes of four frames, of which the first is not yet in contact. The object is inclined, so
@@ -198,7 +199,7 @@ def _repeatable(first: pl.DataFrame, second: pl.DataFrame) -> Iterator[Finding]:
 
 
 def _estimated(scores: pl.DataFrame) -> Iterator[Finding]:
-    answered = scores.filter(pl.col("outcome").is_in([str(o) for o in Outcome if o.has_values]))
+    answered = scores.filter(pl.col("outcome").is_in(CONTACTS))
     names = [q.column for q in SCORED_QUANTITIES if answered[q.column].count()]
     if not answered.height:
         return
@@ -264,7 +265,7 @@ def _sigmas(scores: pl.DataFrame, quantity: ScoredQuantity) -> Iterator[Finding]
     in_sigmas = scores[quantity.in_sigmas].drop_nulls().to_numpy()
     if len(in_sigmas) < 3:
         return
-    rms = float(np.sqrt(np.mean(in_sigmas**2)))
+    rms = RMS.of(in_sigmas)
     if not 1 / _SIGMAS < rms < _SIGMAS:
         yield Finding(
             "note",

@@ -13,6 +13,7 @@ from vbaa_bench.report.drawing import Plot
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
 from vbaa_bench.scoring.scored_quantities import COVERAGE, SCORED_QUANTITIES
+from vbaa_bench.scoring.statistics import coverage, error_statistics
 
 _LABELS: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
 QUANTITIES: Final = [one for one in SCORED_QUANTITIES if one.name in _LABELS]
@@ -41,12 +42,12 @@ def calibrations(rows: pl.DataFrame, methods: Sequence[str]) -> list[Calibration
     """Compute the calibration of every quantity and method with stated sigmas."""
     found = []
     for quantity in QUANTITIES:
-        size = pl.col(quantity.in_sigmas).abs()
-        shares = [(size <= sigmas).mean().alias(f"{sigmas}") for sigmas in _SIGMAS]
+        shares = [coverage(quantity, s).expression.alias(f"{s}") for s in _SIGMAS]
+        nees = error_statistics(quantity)["nees"].expression
         table = (
             rows.drop_nulls(quantity.in_sigmas)
             .group_by("method")
-            .agg((size**2).mean().alias("nees"), pl.len().alias("frames"), *shares)
+            .agg(nees.alias("nees"), pl.len().alias("frames"), *shares)
         )
         records = {record["method"]: record for record in table.to_dicts()}
         found += [

@@ -4,8 +4,8 @@ from collections.abc import Collection
 
 from markupsafe import Markup, escape
 
+from vbaa_bench.report.method_statistics import MethodStatistics
 from vbaa_bench.report.numbers import percent, short
-from vbaa_bench.report.statistics import MethodStatistics
 from vbaa_bench.scoring.information_sets import SETS
 
 # Chosen: with 300 frames a method with right intervals is outside of these in 1 of 1,000 reports.

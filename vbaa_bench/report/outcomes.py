@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from solver.instrument.estimate import Outcome
-from vbaa_bench.scoring.summary import CONTACTS
+from vbaa_bench.scoring.statistics import CONTACTS
 
 _MAX_MESSAGES: Final = 40
 

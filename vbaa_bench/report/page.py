@@ -12,8 +12,8 @@ from vbaa_bench.report import palette
 from vbaa_bench.report.budget import Share
 from vbaa_bench.report.changes import Changes
 from vbaa_bench.report.heat_map import with_bins
+from vbaa_bench.report.method_statistics import with_groups
 from vbaa_bench.report.residuals import MAX_DOTS, figures, panels
-from vbaa_bench.report.statistics import with_groups
 from vbaa_bench.report.strata import strata
 from vbaa_bench.report.template import template
 from vbaa_bench.report.views import by_error, views

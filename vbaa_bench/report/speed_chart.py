@@ -12,9 +12,9 @@ from scipy.special import ndtri
 from solver.instrument.arrays import Floats
 from vbaa_bench.report.axes import Axis, log_axis
 from vbaa_bench.report.drawing import Margins, Plot
+from vbaa_bench.report.method_statistics import MethodStatistics
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
-from vbaa_bench.report.statistics import MethodStatistics
 from vbaa_bench.scoring.information_sets import SETS
 
 # Distance between the centres of labels, for letters 12 px high.

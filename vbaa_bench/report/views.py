@@ -10,9 +10,9 @@ from markupsafe import Markup
 from vbaa_bench.report import headline, speed_chart
 from vbaa_bench.report.coverage import Calibration, calibrations, coverage_charts
 from vbaa_bench.report.heat_map import Bins, HeatMap, heat_maps
+from vbaa_bench.report.method_statistics import MethodStatistics, method_statistics
 from vbaa_bench.report.outcomes import OutcomeTable, messages, outcomes
 from vbaa_bench.report.palette import Style
-from vbaa_bench.report.statistics import MethodStatistics, statistics
 from vbaa_bench.report.strata import Stratum
 
 
@@ -45,6 +45,12 @@ class View:
         """Test whether any method has a value of a statistic."""
         return any(getattr(one, name) is not None for one in self.methods)
 
+    @property
+    def added(self) -> list[str]:
+        """Headings of the added scores of which any method has a value."""
+        heads = dict.fromkeys(head for one in self.methods for head in one.added)
+        return [head for head in heads if any(one.added[head] is not None for one in self.methods)]
+
 
 def by_error(scores: pl.DataFrame) -> list[str]:
     """List the methods, the smallest median error of x_c first, those without an error last."""
@@ -67,7 +73,7 @@ def views(
     numbers, limits = [], []
     for stratum in strata:
         part = scores.filter(stratum.contains)
-        numbers.append(statistics(part))
+        numbers.append(method_statistics(part))
         limits.append(speed_chart.limit_lines(part))
     scales = speed_chart.axes(numbers, limits)
     made = []

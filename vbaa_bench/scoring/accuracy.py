@@ -1,6 +1,5 @@
 """Accuracy of methods on scored datasets: one row per scene and method, and one for the bound."""
 
-import math
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
@@ -17,6 +16,7 @@ from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.scoring.scored_quantities import LIMITED
+from vbaa_bench.scoring.statistics import RMS
 from vbaa_bench.scoring.strata import class_order
 from vbaa_bench.scoring.summary import summarise_method
 
@@ -123,8 +123,8 @@ def _bounds(methods: Sequence[pl.DataFrame], length_mm: float) -> dict[str, Row]
 
 
 def _rms(rows: pl.DataFrame, values: pl.Expr) -> float | None:
-    mean: float | None = rows.select((values**2).mean()).item()
-    return None if mean is None else math.sqrt(mean)
+    root: float | None = rows.select(RMS.expression(values)).item()
+    return root
 
 
 def _label(by: str) -> pl.Expr:

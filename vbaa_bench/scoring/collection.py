@@ -3,26 +3,24 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import numpy as np
 import polars as pl
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.scoring.bootstrap import share_interval
 from vbaa_bench.scoring.child import Job, MethodRun, solve_each
 from vbaa_bench.scoring.factors import factor_columns, factor_table, rig_factors
 from vbaa_bench.scoring.information import scored_limits
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
-from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.score import found_predictions, write_scores
-from vbaa_bench.scoring.summary import CONTACTS, summarise
-
-# SNR above which a contact should be found. From the requirement on collections.
-_CLEAR_SNR: Final = 10.0
+from vbaa_bench.scoring.statistics import COLLECTION
+from vbaa_bench.scoring.strata_table import strata_rows
+from vbaa_bench.scoring.summary import summarise
 
 
 def solve_rigs(
@@ -92,7 +90,7 @@ def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]
     if not scored:
         raise InputError(f"{root}: no rig has predictions; solve the collection first")
     scores = pl.concat(scored, how="diagonal_relaxed")
-    parameters = parameter_rows(scores, over=("rig",))
+    parameters = strata_rows(scores, over=("rig",))
     summary = {
         **summarise(scores, parameters, over=("rig",)),
         "rigs": scores["rig"].n_unique(),
@@ -106,36 +104,11 @@ def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]
 
 
 def _over_rigs(rows: pl.DataFrame) -> dict[str, Any]:
-    """Compute figures that count rigs: intervals of the consistent share, and detection.
-
-    `x_c_rms_in_sigmas` is the root mean square of the errors in stated sigmas, 1 if these are
-    right; `detection_rate_snr_10` the share of the frames with an SNR above 10 that have values.
-    """
-    shares = [
-        (float(group["consistent"].sum()), group.height)
-        for _, group in rows.group_by("rig", maintain_order=True)
-    ]
-    in_sigmas = rows["x_c_error_in_sigmas"].drop_nulls().to_numpy()
-    clear = rows.filter(~pl.col("free") & (pl.col("snr") > _CLEAR_SNR))
+    """Compute figures that count rigs: the interval of the consistent share, and `COLLECTION`."""
+    rigs = rows.group_by("rig", maintain_order=True).agg(pl.col("consistent").sum(), cases=pl.len())
+    counts = rigs.select(pl.col("consistent", "cases").cast(pl.Float64))
+    ends = share_interval(counts["consistent"].to_numpy(), counts["cases"].to_numpy())
     return {
-        "consistent_rate_95": share_interval(shares),
-        "x_c_rms_in_sigmas": float(np.sqrt(np.mean(in_sigmas**2))) if len(in_sigmas) else None,
-        "detection_rate_snr_10": (
-            clear.filter(pl.col("outcome").is_in(CONTACTS)).height / clear.height
-            if clear.height
-            else None
-        ),
+        "consistent_rate_95": None if ends is None else list(ends),
+        **{name: statistic.of(rows) for name, statistic in COLLECTION.items()},
     }
-
-
-def share_interval(groups: Sequence[tuple[float, int]]) -> list[float] | None:
-    """Compute the 95 % bootstrap interval over groups of a share, each (successes, cases).
-
-    None for fewer than two groups.
-    """
-    if len(groups) < 2:
-        return None
-    successes, cases = np.array(groups).T
-    draws = np.random.default_rng(0).integers(len(groups), size=(2000, len(groups)))
-    shares = successes[draws].sum(1) / cases[draws].sum(1)
-    return [float(value) for value in np.quantile(shares, [0.025, 0.975])]

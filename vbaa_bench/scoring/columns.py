@@ -7,16 +7,24 @@ from solver.instrument.quantities import QUANTITIES
 from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column, Kind, Presence
 from vbaa_bench.dataset.columns import JOINED, TRUTH
 from vbaa_bench.dataset.table_schema import schema_of
+from vbaa_bench.scoring.computed_scores import COMPUTED, FAILED
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.factors import PREFIX
-from vbaa_bench.scoring.parameters import RATIOS
-from vbaa_bench.scoring.percentages import FAILED, PERCENTAGES
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
     LIMITED,
     NUMBERS,
     SCORED_QUANTITIES,
     VECTORS,
+    X_C,
+)
+from vbaa_bench.scoring.statistics import (
+    AVERAGES,
+    FACTOR,
+    ORDERS,
+    TIMES,
+    Statistic,
+    error_statistics,
 )
 
 _NOT_ESTIMATED: Final = "the method does not estimate it in this frame"
@@ -190,7 +198,7 @@ SCORES: Final = {
     **_vector_errors(),
     "x_c_simple_rms_mm": Column(f"least RMS of errors of x_c {_SIMPLE}", SIGMA_D, _HOLDS),
     "force_simple_rms_n": Column(f"least RMS of errors of force_n {_SIMPLE}", SIGMA_A, _HOLDS),
-    **{name: one.column for name, one in PERCENTAGES.items()},
+    **{name: one.column for name, one in COMPUTED.items()},
     "deflection_class": Column(
         "class of deflection_pct", kind=Kind.TEXT, presence=Presence.COMPLETE
     ),
@@ -268,16 +276,23 @@ SCORE_SCHEMA: Final = schema_of(SCORES)._replace(
 )
 
 # Columns of strata.csv. Its figures are in the unit of the row's quantity.
-_NO_ANSWER: Final = "no sigma is stated, or no limit was computed"
-_RATIO_MEANINGS: Final = {
-    "bias": "mean error",
-    "rmse": "root mean square error",
-    "bias_over_limit": "mean of error over information limit, frame by frame",
-    "rmse_over_limit": "root mean square of error over information limit, frame by frame",
-    "coverage_68": "share of errors within one stated sigma; 0.683 if these are right",
-    "coverage_95": "share of errors within 1.96 stated sigmas; 0.95 if these are right",
-    "nees": "mean squared error in stated sigmas; 1 if these are right",
-}
+_ERRORS: Final = error_statistics(X_C)
+
+
+def _figure(statistic: Statistic, frame: str = "") -> Column:
+    return Column(statistic.meaning, frame, statistic.null)
+
+
+def _with_interval(name: str) -> dict[str, Column]:
+    statistic = _ERRORS[name]
+    null = statistic.null or "frames of one push only"
+    return {
+        name: _figure(statistic),
+        f"{name}_low": Column(f"2.5 % limit of {statistic.meaning}", "", null),
+        f"{name}_high": Column(f"97.5 % limit of {statistic.meaning}", "", null),
+    }
+
+
 STRATA_TABLE: Final = {
     "method": SCORES["method"],
     "stratum": Column("column of the scores by which frames are classified, or all"),
@@ -288,24 +303,16 @@ STRATA_TABLE: Final = {
     "crashed": Column("frames that crashed or have no prediction"),
     "refused": Column("frames whose outcome states no values, although something is touched"),
     "answered": Column("frames with an error of this quantity"),
-    "median_abs": Column("median of the absolute error"),
-    "p95_abs": Column("95th percentile of the absolute error"),
-    "worst_abs": Column("largest absolute error"),
+    **{name: _figure(_ERRORS[name]) for name in ORDERS},
     "worst_frame": Column("frame_id of the largest absolute error"),
     **{
-        f"{name}{suffix}": Column(
-            f"{head}{_RATIO_MEANINGS[name]}",
-            "",
-            "frames of one push only" if suffix and name in ("bias", "rmse") else null,
-        )
-        for name in RATIOS
-        for null in ["" if name in ("bias", "rmse") else _NO_ANSWER]
-        for suffix, head in (("", ""), ("_low", "2.5 % limit of "), ("_high", "97.5 % limit of "))
+        column: c
+        for names in AVERAGES
+        for name in names
+        for column, c in _with_interval(name).items()
     },
-    "sigma_over_rmse": Column("mean stated sigma over RMSE", "", "no sigma is stated"),
-    "ms_median": Column("median of image_ms", "", "no time is stated"),
-    "ms_p05": Column("5th percentile of image_ms", "", "no time is stated"),
-    "ms_p95": Column("95th percentile of image_ms", "", "no time is stated"),
+    "sigma_over_rmse": _figure(_ERRORS["sigma_over_rmse"]),
+    **{name: _figure(statistic) for name, statistic in TIMES.items()},
 }
 
 # Columns of factors.csv.
@@ -313,10 +320,9 @@ FACTORS: Final = {
     "method": SCORES["method"],
     "factor": Column("name of the factor, as in the scores without its prefix"),
     "group": Column("range or value of the factor in this group of frames"),
-    "frames": Column("number of frames in the group"),
-    "answered_pct": Column("share of the frames with a contact and values"),
-    "median_pct_L": Column("median of the absolute error of x_c", SIGMA_D, "no frame is answered"),
-    "rmse_pct_L": Column("root mean square error of x_c", SIGMA_D, "no frame is answered"),
-    "consistent_pct": Column("share of the consistent frames"),
+    **{
+        name: _figure(one, SIGMA_D if name.endswith("_pct_L") else "")
+        for name, one in FACTOR.items()
+    },
     "spread": Column("consistent_pct of the best group minus that of the worst, of the factor"),
 }

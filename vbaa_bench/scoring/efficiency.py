@@ -36,7 +36,7 @@ def share_of_information(rmse_over_limit: float | None, frames: int) -> float | 
 
 
 def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
-    """Compute the share of the information that is used, from a row of `parameter_rows`.
+    """Compute the share of the information that is used, from a row of `strata_rows`.
 
     It is `share_of_information` of the answered frames, as `efficiency_pct`, with the 95 % interval
     `efficiency_pct_95` and a `sentence`. None without limits. An unbiased method cannot use more

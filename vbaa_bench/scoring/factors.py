@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.scoring.summary import CONTACTS
+from vbaa_bench.scoring.statistics import FACTOR
 
 # Groups of equal size of a factor that is a number. Chosen: with 300 rigs, each has 100.
 _GROUPS: Final = 3
@@ -125,7 +125,11 @@ def _groups(scores: pl.DataFrame, factor: str) -> list[dict[str, Any]]:
             (str(value), part)
             for (value,), part in sorted(known.group_by(factor), key=lambda one: str(one[0]))
         ]
-    return [{"group": name, **_figures(part)} for name, part in named if part.height >= _MIN_FRAMES]
+    return [
+        {"group": name, **{figure: one.of(part) for figure, one in FACTOR.items()}}
+        for name, part in named
+        if part.height >= _MIN_FRAMES
+    ]
 
 
 def _range(values: pl.Series) -> str:
@@ -134,15 +138,3 @@ def _range(values: pl.Series) -> str:
         for end in (np.min(values.to_numpy()), np.max(values.to_numpy()))
     )
     return low if low == high else f"{low} to {high}"
-
-
-def _figures(part: pl.DataFrame) -> dict[str, Any]:
-    answered = part.filter(pl.col("outcome").is_in(CONTACTS))
-    errors = np.abs(answered["x_c_error_pct_L"].drop_nulls().to_numpy())
-    return {
-        "frames": part.height,
-        "answered_pct": 100 * answered.height / part.height,
-        "median_pct_L": float(np.median(errors)) if len(errors) else None,
-        "rmse_pct_L": float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
-        "consistent_pct": 100 * part.filter("consistent").height / part.height,
-    }

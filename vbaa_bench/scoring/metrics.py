@@ -14,14 +14,15 @@ from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.dataset.recorded import exists
 from vbaa_bench.dataset.table_schema import LARGEST
+from vbaa_bench.scoring.computed_scores import COMPUTED
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import information_of, with_limits
 from vbaa_bench.scoring.information_sets import check_information
-from vbaa_bench.scoring.percentages import PERCENTAGES
 from vbaa_bench.scoring.refusals import right_refusals, rightly_refused
 from vbaa_bench.scoring.scene_values import object_radius, scene_value
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
+    CONSISTENT_SIGMAS,
     NUMBERS,
     SCORED_QUANTITIES,
     VECTORS,
@@ -191,16 +192,15 @@ def score_frames(
         check_information(name, source)
     scored = with_limits(joined, limits).with_columns(**_verdicts(predictions))
     scored = scored.with_columns(map(_error, _QUANTITIES))
-    within_3_sigma = (pl.col("x_c_error_mm").abs() <= 3 * pl.col("x_c_sigma_mm")).fill_null(
-        value=False
-    )
+    most = CONSISTENT_SIGMAS * pl.col("x_c_sigma_mm")
+    is_within = (pl.col("x_c_error_mm").abs() <= most).fill_null(value=False)
     length = truth.manifest["true_rig"]["beam_length_mm"]
     return scored.with_columns(
         *(_in_sigmas(quantity) for quantity in _QUANTITIES),
-        (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | within_3_sigma).alias(
+        (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | is_within).alias(
             "consistent"
         ),
-        *(one.value(length).alias(name) for name, one in PERCENTAGES.items()),
+        *(one.value(length).alias(name) for name, one in COMPUTED.items()),
         *(_vector_error(*vector) for vector in VECTORS),
     ).drop("may_say", "violated")
 

@@ -27,8 +27,8 @@ from vbaa_bench.scoring.metrics import (
     score_frames,
     true_frames,
 )
-from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
+from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import summarise
 
 # Chosen: a CSV of more rows exceeds 100 MB, and no spreadsheet opens it.
@@ -66,7 +66,7 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
         warnings += [*unknown_columns(table.columns, str(path)), *doubtful_units(rows, str(path))]
         scored.append(rows)
     scores = pl.concat(scored)
-    parameters = parameter_rows(scores)
+    parameters = strata_rows(scores)
     summary = {**summarise(scores, parameters), "warnings": warnings}
     for name, path in predictions.items():
         _copy_predictions(results, name, path, contents[name])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 from vbaa_bench.scoring.markdown_table import markdown_table
+from vbaa_bench.scoring.statistics import HEADINGS
 
 Row = dict[str, Any]
 
@@ -38,6 +39,7 @@ _COLUMNS: Final = {
     "1/k RMSE / bound": "compliance_rmse_over_limit",
     "information used, %": "x_c_efficiency_pct",
     "ms": "ms_per_frame_median",
+    **{heading: name for name, heading in HEADINGS.items()},
 }
 # Those of a brief table.
 _BRIEF: Final = (

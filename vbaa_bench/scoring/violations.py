@@ -15,9 +15,8 @@ from solver.instrument.estimate import Assumption
 from solver.instrument.units import DEGREE, PERCENT
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.scene_values import scene_value
+from vbaa_bench.scoring.scored_quantities import CONSISTENT_SIGMAS
 
-# As for a consistent estimate, see `metrics.score_frames`.
-_SIGMAS: Final = 3.0
 # Differences below this are rounding, in any of the units below.
 _ROUNDING: Final = 1e-9
 # An image's light that is more times as bright or dark as at rest, as in the solver's remark.
@@ -86,4 +85,4 @@ def _drawn(truth: Truth, key: str) -> bool:
 
 
 def _beyond(difference: pl.Expr, sigma: float) -> pl.Expr:
-    return difference.abs() > _SIGMAS * sigma + _ROUNDING
+    return difference.abs() > CONSISTENT_SIGMAS * sigma + _ROUNDING

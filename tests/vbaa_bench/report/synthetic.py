@@ -47,6 +47,7 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
             "step": 0,
             "hidden_place": "middle",
             "information": "planar",
+            "x_c_limit_mm": pl.Series([None] * frames, dtype=pl.Float64),
             "x_c_limit_pct_L": pl.Series([None] * frames, dtype=pl.Float64),
             "push": [f"{value:.0f} %" for value in deflection],
             "contact_distance_at_rest_mm": x_c,
@@ -83,7 +84,7 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
 def limited(table: pl.DataFrame) -> pl.DataFrame:
     """Scores with limits that the first method attains."""
     limit = pl.when(~pl.col("free")).then(0.01 * pl.col("deflection_pct") / 5)
-    return table.with_columns(x_c_limit_pct_L=limit)
+    return table.with_columns(x_c_limit_pct_L=limit, x_c_limit_mm=2.4 * limit)
 
 
 def overlay_of(row: dict[str, Any]) -> Overlay:

@@ -34,7 +34,7 @@ from vbaa_bench.scoring.collection import score_rigs
 from vbaa_bench.scoring.columns import FACTORS, PREDICTIONS, SCORES, STRATA_TABLE
 from vbaa_bench.scoring.factors import PREFIX, factor_table
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
-from vbaa_bench.scoring.parameters import parameter_rows
+from vbaa_bench.scoring.strata_table import strata_rows
 
 PAGE = Path(__file__).parents[3] / "docs" / "data_dictionary.md"
 
@@ -157,7 +157,7 @@ def test_columns_of_predictions_and_scores_are_described(dataset: Path) -> None:
     scores = score_frames(truth, table, "own", "")
     assert set(scores.columns) == set(SCORES) - {"rig", f"{PREFIX}*"}
     assert undescribed_nulls(scores, SCORES) == []
-    strata = pl.DataFrame(parameter_rows(scores), infer_schema_length=None)
+    strata = pl.DataFrame(strata_rows(scores), infer_schema_length=None)
     assert strata.columns == list(STRATA_TABLE)
     assert undescribed_nulls(strata, STRATA_TABLE) == []
 

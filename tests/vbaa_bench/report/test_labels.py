@@ -7,9 +7,9 @@ from hypothesis.extra.numpy import arrays
 
 from tests.vbaa_bench.report.synthetic import scores
 from vbaa_bench.report import speed_chart
+from vbaa_bench.report.method_statistics import method_statistics, with_groups
 from vbaa_bench.report.palette import styles
 from vbaa_bench.report.speed_chart import spread
-from vbaa_bench.report.statistics import statistics, with_groups
 
 PLACES = arrays(float, st.integers(0, 12), elements=st.floats(-1e3, 1e3))
 
@@ -32,7 +32,7 @@ def test_labels_that_are_apart_stay_where_they_are() -> None:
 
 
 def test_labels_of_ten_equal_methods_do_not_touch() -> None:
-    one = statistics(with_groups(scores(60, ("exact_fit",))))["exact_fit"]
+    one = method_statistics(with_groups(scores(60, ("exact_fit",))))["exact_fit"]
     names = [f"method_{n}_{'x' * 20}" for n in range(10)]
     methods = {name: type(one)(**{**vars(one), "method": name}) for name in names}
     scales = speed_chart.axes([methods], [])

@@ -8,8 +8,8 @@ from tests.vbaa_bench.report.synthetic import METHODS, limited, scores
 from vbaa_bench.report import headline, speed_chart
 from vbaa_bench.report.coverage import calibrations
 from vbaa_bench.report.heat_map import heat_maps, with_bins
+from vbaa_bench.report.method_statistics import MethodStatistics, method_statistics, with_groups
 from vbaa_bench.report.outcomes import messages, outcomes
-from vbaa_bench.report.statistics import MethodStatistics, statistics, with_groups
 from vbaa_bench.report.strata import strata
 from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.summary import calibration
@@ -22,7 +22,7 @@ def table() -> pl.DataFrame:
 
 @pytest.fixture(scope="module")
 def methods(table: pl.DataFrame) -> dict[str, MethodStatistics]:
-    return statistics(table)
+    return method_statistics(table)
 
 
 def test_statistics_are_those_of_all_frames(
@@ -49,7 +49,7 @@ def test_efficiency_is_the_squared_ratio_of_limit_and_error(
     assert methods["exact_fit"].efficiency == pytest.approx(1, rel=0.18)
     assert methods["two_point"].efficiency == pytest.approx(0.25, rel=0.18)
     assert methods["two_point"].matched == 3400
-    without = statistics(with_groups(scores(100)))
+    without = method_statistics(with_groups(scores(100)))
     assert without["exact_fit"].efficiency is None
 
 
@@ -119,7 +119,7 @@ def test_page_and_summary_state_the_same_coverage() -> None:
     shown = next(one for one in calibrations(table, METHODS) if one.quantity == "contact distance")
     assert shown.at(0.68) == pytest.approx(100 * stated["coverage_68"])
     assert shown.at(0.95) == pytest.approx(100 * stated["coverage_95"])
-    (of_method,) = statistics(with_groups(table)).values()
+    (of_method,) = method_statistics(with_groups(table)).values()
     assert of_method.coverage_95 == stated["coverage_95"]
 
 

@@ -19,9 +19,9 @@ from tests.draws import scene_seed
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.metrics import checked_predictions, read_predictions, score_frames
-from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.refusals import right_refusals
 from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES
+from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import calibration, summarise_method
 
 
@@ -126,7 +126,7 @@ def test_a_sigma_that_is_absurdly_small_is_wrong_by_a_finite_ratio() -> None:
     assert rows["x_c_error_in_sigmas"].to_list() == [LARGEST, LARGEST]
     stated = summarise_method(rows)["calibration"]["x_c"]
     assert (stated["coverage_95"], stated["nees"]) == (0, pytest.approx(LARGEST**2))
-    figures = [value for row in parameter_rows(rows) for value in row.values()]
+    figures = [value for row in strata_rows(rows) for value in row.values()]
     assert all(math.isfinite(value) for value in figures if isinstance(value, float))
 
 

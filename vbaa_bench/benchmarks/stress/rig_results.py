@@ -25,6 +25,7 @@ from vbaa_bench.benchmarks.stress.recording import (
 from vbaa_bench.benchmarks.stress.rows import UNKNOWN, Row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.scoring.scored_quantities import CONSISTENT_SIGMAS
 
 # With fewer visible points a failure outcome is consistent (the project's definition).
 MIN_POINTS = 8
@@ -161,7 +162,7 @@ def score_frame(
     """
     error = None if answer.x_c is None else 100 * (answer.x_c - true_x_c) / length
     sigma = None if answer.sigma is None else 100 * answer.sigma / length
-    within = error is not None and sigma is not None and abs(error) <= 3 * sigma
+    within = error is not None and sigma is not None and abs(error) <= CONSISTENT_SIGMAS * sigma
     labels = {*findings, answer.outcome}
     signs = row.signs or {*findings, Outcome.CAMERA_MOVED} - UNKNOWN
     in_message = any(sign in answer.message for sign in row.signs)

@@ -17,7 +17,7 @@ from vbaa_bench.scoring.columns import LIMITS
 from vbaa_bench.scoring.efficiency import efficiency, share_of_information
 from vbaa_bench.scoring.information import information_of, scored_limits
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames, true_frames
-from vbaa_bench.scoring.parameters import ALL, parameter_rows
+from vbaa_bench.scoring.strata_table import ALL, strata_rows
 from vbaa_bench.scoring.summary import summarise, summarise_method
 
 
@@ -58,7 +58,7 @@ def of(rows: list[dict[str, Any]], quantity: str, stratum: str = ALL) -> dict[st
 def test_each_error_is_divided_by_its_own_limit_before_it_is_averaged() -> None:
     answers = [{"x_c_mm": 120 + error} for error in (1.0, -0.02, 0.5)]
     rows = scored(answers, limits=limits(3, "planar", [0.5, 0.02, None]))
-    figures = of(parameter_rows(rows), "x_c_mm")[ALL]
+    figures = of(strata_rows(rows), "x_c_mm")[ALL]
     assert figures["bias_over_limit"] == pytest.approx((2 - 1) / 2)
     assert figures["rmse_over_limit"] == pytest.approx(np.sqrt((4 + 1) / 2))
     assert figures["bias"] == pytest.approx(1.48 / 3)
@@ -126,7 +126,7 @@ def test_failures_count_in_the_stratum_of_their_frame() -> None:
         {"outcome": "contact", "x_c_mm": 100.0},
         {"x_c_mm": None},
     ]
-    rows = of(parameter_rows(scored(answers, true)), "x_c_mm", "deflection_class")
+    rows = of(strata_rows(scored(answers, true)), "x_c_mm", "deflection_class")
     assert list(rows) == ["7 to 14 %", "14 to 28 %"]  # the free beam has no error of x_c
     steep = rows["14 to 28 %"]
     assert (steep["frames"], steep["answered"], steep["failed"], steep["refused"]) == (2, 1, 1, 1)
@@ -159,7 +159,7 @@ def gaussian() -> np.ndarray:
 def test_intervals_contain_the_expected_figures(gaussian: np.ndarray) -> None:
     answers = [{"x_c_mm": 120 + error, "x_c_sigma_mm": 0.1} for error in gaussian]
     table = limits(400, "planar", [0.1] * 400)
-    figures = of(parameter_rows(scored(answers, separate(400), table)), "x_c_mm")[ALL]
+    figures = of(strata_rows(scored(answers, separate(400), table)), "x_c_mm")[ALL]
     expected = {"rmse": 0.1, "rmse_over_limit": 1, "coverage_68": 0.683, "coverage_95": 0.95}
     for name, value in {**expected, "bias": 0, "bias_over_limit": 0, "nees": 1}.items():
         low, high = figures[f"{name}_low"], figures[f"{name}_high"]
@@ -179,7 +179,7 @@ def test_the_share_of_the_information_is_a_sentence(
 ) -> None:
     answers = [{"x_c_mm": 120 + error} for error in gaussian]
     rows = scored(answers, separate(400), limits(400, "planar", [limit] * 400))
-    parameters = parameter_rows(rows)
+    parameters = strata_rows(rows)
     share = summarise(rows, parameters)["methods"]["exact_fit"]["efficiency"]["x_c_mm"]
     assert share["impossible"] is impossible
     assert ("impossible" in share["sentence"]) is impossible
@@ -215,7 +215,7 @@ def test_a_share_that_chance_does_not_explain_is_not_stated(
 
 def test_without_limits_there_is_no_share() -> None:
     rows = scored([{"x_c_mm": 120.1}, {"x_c_mm": 120.2}])
-    found = summarise(rows, parameter_rows(rows))["methods"]["exact_fit"]
+    found = summarise(rows, strata_rows(rows))["methods"]["exact_fit"]
     assert found["efficiency"] == {}
     assert found["parameters"]["x_c_mm"]["rmse_over_limit"] is None
     assert found["parameters"]["x_c_mm"]["answered"] == 2

@@ -1,6 +1,8 @@
 """Scores in per cent, of the beam's length or of the true value: what each is, and how it is made.
 
-A column that is added here is computed, checked, described in the data dictionary and exported.
+A column that is added here is computed, checked, described in the data dictionary and exported. If
+it is an error and has a heading, its RMSE is also in the summary, in the tables of `vbaa-bench
+table` and in the report.
 """
 
 from collections.abc import Callable
@@ -14,40 +16,44 @@ from vbaa_bench.dataset.table_schema import LARGEST
 FAILED: Final = "the frame has failed, or the method does not estimate it"
 
 
-class Percentage(NamedTuple):
-    """A column of the scores, and its expression, given the beam's length [mm]."""
+class ComputedScore(NamedTuple):
+    """A column of the scores, and its expression, given the beam's length [mm].
+
+    `heading` is that of its RMSE in tables; empty: no table shows it because of this declaration.
+    """
 
     column: Column
     value: Callable[[float], pl.Expr]
+    heading: str = ""
 
 
 def _of_length(
-    name: str, meaning: str, frame: str = "along the beam", null: str = FAILED
-) -> Percentage:
+    name: str, meaning: str, frame: str = "along the beam", null: str = FAILED, heading: str = ""
+) -> ComputedScore:
     column = Column(meaning, frame, null, presence=Presence.PRESENT)
-    return Percentage(column, lambda length_mm: 100 * pl.col(name) / length_mm)
+    return ComputedScore(column, lambda length_mm: 100 * pl.col(name) / length_mm, heading)
 
 
 def _of_truth(
-    error: str, true: str, meaning: str, frame: str = "", null: str = FAILED
-) -> Percentage:
+    error: str, true: str, meaning: str, frame: str = "", null: str = FAILED, heading: str = ""
+) -> ComputedScore:
     """An error relative to its true value; null if this is zero."""
     ratio = (100 * pl.col(error) / pl.col(true)).clip(-LARGEST, LARGEST)
     value = pl.when(pl.col(true) != 0).then(ratio)
     column = Column(
         f"{meaning}, relative to its true value", frame, null, presence=Presence.PRESENT
     )
-    return Percentage(column, lambda _length_mm: value)
+    return ComputedScore(column, lambda _length_mm: value, heading)
 
 
-def _of_springs(one: Percentage) -> Percentage:
+def _of_springs(one: ComputedScore) -> ComputedScore:
     """The same, null for a rigid object."""
     return one._replace(
         value=lambda length_mm: pl.when(pl.col("k_s_n_m").is_not_null()).then(one.value(length_mm))
     )
 
 
-PERCENTAGES: Final = {
+COMPUTED: Final = {
     "x_c_error_pct_L": _of_length("x_c_error_mm", "error of x_c", SIGMA_D),
     "x_c_limit_pct_L": _of_length(
         "x_c_limit_mm", "information limit of x_c", SIGMA_D, "there is no limit"

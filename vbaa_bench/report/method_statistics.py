@@ -1,0 +1,81 @@
+"""Statistics of every method within one stratum, always computed from all frames."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import polars as pl
+
+from vbaa_bench.scoring.bootstrap import Interval, group_numbers, median_interval
+from vbaa_bench.scoring.efficiency import share_of_information
+from vbaa_bench.scoring.statistics import HEADINGS, REPORTED, SUMMARY
+
+
+@dataclass(frozen=True)
+class MethodStatistics:
+    """Statistics `REPORTED` of one method; errors of x_c in % of L. None: no frame counts.
+
+    `median_95` and `ms_95` are intervals over pushes. `information` is the method's information
+    set. `added` are the RMSEs of scores with a heading of their own, by this heading.
+    """
+
+    method: str
+    frames: int
+    contacts: int
+    free: int
+    answered: int
+    right_refusals: int
+    false_contacts: int
+    median: float | None
+    p95: float | None
+    worst: float | None
+    rmse: float | None
+    bias: float | None
+    rmse_all: float | None
+    force_rmse: float | None
+    psi_rmse: float | None
+    compliance_rmse: float | None
+    coverage_95: float | None
+    ms: float | None
+    matched: int
+    rmse_over_limit: float | None
+    information: str | None
+    median_95: Interval | None
+    ms_95: Interval | None
+    added: Mapping[str, float | None]
+
+    @property
+    def share_answered(self) -> float | None:
+        """Fraction of the contacts that have an estimate."""
+        return self.answered / self.contacts if self.contacts else None
+
+    @property
+    def efficiency(self) -> float | None:
+        """Fraction of the available information that the method uses, as in `scoring`."""
+        return share_of_information(self.rmse_over_limit, self.matched)
+
+
+def with_groups(scores: pl.DataFrame) -> pl.DataFrame:
+    """Add the column `group`, the number of the push (in a collection: of the rig)."""
+    over = ["rig"] if "rig" in scores.columns else None
+    return scores.with_columns(group=group_numbers(scores, over))
+
+
+def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
+    """Compute the statistics of every method in `rows`, scores with `group` and limits."""
+    figures = {name: statistic.expression for name, statistic in REPORTED.items()}
+    figures["information"] = pl.col("information").first()
+    figures |= {heading: SUMMARY[name].expression for name, heading in HEADINGS.items()}
+    intervals = {
+        str(name): {
+            "median_95": median_interval(part["x_c_error_pct_L"], part["group"].to_numpy()),
+            "ms_95": median_interval(part["image_ms"], part["group"].to_numpy()),
+        }
+        for (name,), part in rows.select("method", "group", "x_c_error_pct_L", "image_ms").group_by(
+            "method"
+        )
+    }
+    methods = {}
+    for row in rows.group_by("method").agg(**figures).to_dicts():
+        name, added = row["method"], {head: row.pop(head) for head in HEADINGS.values()}
+        methods[name] = MethodStatistics(**row, **intervals[name], added=added)
+    return methods

@@ -1,0 +1,373 @@
+"""Statistics of the scores: each is declared once, with its meaning and how it is computed.
+
+A statistic takes one number of every frame that has it, its term, and reduces these numbers to one.
+Tables of errors, summaries, reports and comparisons follow from the declarations.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from scipy.special import ndtr
+
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Outcome
+from vbaa_bench.scoring.computed_scores import COMPUTED
+from vbaa_bench.scoring.refusals import SURE_SNR
+from vbaa_bench.scoring.scored_quantities import (
+    CONSISTENT_SIGMAS,
+    COVERAGE,
+    LIMITED,
+    SECOND_S_C,
+    X_C,
+    ScoredQuantity,
+)
+
+# Outcomes that state values.
+CONTACTS: Final = [str(outcome) for outcome in Outcome if outcome.has_values]
+# Chosen: the largest error of guessing the middle of the beam, so that leaving a frame out is no
+# advantage for a method that is better than this guess.
+_FAILURE_ERROR_PCT_L: Final = 50.0
+
+
+class Reduction(NamedTuple):
+    """A reduction of numbers to one: of an array (n,), n > 0, and of a column within a query.
+
+    The two sum in different orders and may differ by rounding. `empty` is the value without any
+    number.
+    """
+
+    of: Callable[[Floats], float]
+    expression: Callable[[pl.Expr], pl.Expr]
+    empty: float | None = None
+
+
+def _quantile(probability: float) -> Reduction:
+    return Reduction(
+        lambda values: float(np.quantile(values, probability)),
+        lambda column: column.quantile(probability, "linear"),
+    )
+
+
+COUNT: Final = Reduction(len, pl.Expr.count, empty=0)
+MEAN: Final = Reduction(lambda values: float(np.mean(values)), pl.Expr.mean)
+RMS: Final = Reduction(
+    lambda values: float(np.sqrt(np.mean(values**2))), lambda column: (column**2).mean().sqrt()
+)
+MEDIAN: Final = _quantile(0.5)
+P05: Final = _quantile(0.05)
+P95: Final = _quantile(0.95)
+LARGEST: Final = Reduction(lambda values: float(np.max(values)), pl.Expr.max)
+
+
+@dataclass(frozen=True, eq=False)
+class Statistic:
+    """Statistic of frames; `term` is null for a frame that does not count.
+
+    Only frames that meet `where` count. The value is null if no frame counts, and unless the frames
+    together meet `defined`. It is divided by the statistic `over`, and null if that is zero.
+    `null` says in the data dictionary when it is null.
+    """
+
+    meaning: str
+    reduction: Reduction
+    term: pl.Expr
+    where: pl.Expr | None = None
+    defined: pl.Expr | None = None
+    over: "Statistic | None" = None
+    null: str = ""
+
+    def of(self, rows: pl.DataFrame) -> float | None:
+        """Compute the statistic of rows of the scores."""
+        if self.defined is not None and not rows.select(self.defined).item():
+            return None
+        values = rows.select(self.values).to_series().drop_nulls().to_numpy()
+        value = self.reduction.of(values) if len(values) else self.reduction.empty
+        if self.over is None or value is None:
+            return value
+        divisor = self.over.of(rows)
+        return value / divisor if divisor else None
+
+    @property
+    def values(self) -> pl.Expr:
+        """The terms of the frames that count, as numbers."""
+        values = self.term.cast(pl.Float64)
+        return values if self.where is None else values.filter(self.where)
+
+    @property
+    def expression(self) -> pl.Expr:
+        """The statistic as an expression, for queries of many groups of rows."""
+        value = self.reduction.expression(self.values)
+        if self.over is not None:
+            divisor = self.over.expression
+            value /= pl.when(divisor != 0).then(divisor)
+        return value if self.defined is None else pl.when(self.defined).then(value)
+
+
+# Names of statistics of errors: of their order, and averages, which have bootstrap intervals in
+# strata.csv. Averages that are listed together are over the same frames.
+ORDERS: Final = ("median_abs", "p95_abs", "worst_abs")
+AVERAGES: Final = (
+    ("bias", "rmse"),
+    ("bias_over_limit", "rmse_over_limit"),
+    ("coverage_68", "coverage_95", "nees"),
+)
+_NOT_STATED: Final = "no sigma is stated, or no limit was computed"
+
+
+def coverage(quantity: ScoredQuantity, sigmas: float) -> Statistic:
+    """Return the share of a quantity's errors within a number of stated sigmas."""
+    within = pl.col(quantity.in_sigmas).abs() <= sigmas
+    unit = "one stated sigma" if sigmas == 1 else f"{sigmas:g} stated sigmas"
+    expected = f"{2 * ndtr(sigmas) - 1:.3f}".rstrip("0")
+    meaning = f"share of errors within {unit}; {expected} if these are right"
+    return Statistic(meaning, MEAN, within, null=_NOT_STATED)
+
+
+def error_statistics(quantity: ScoredQuantity) -> dict[str, Statistic]:
+    """Return the statistics of a quantity's errors by name."""
+    error, in_sigmas = pl.col(quantity.error), pl.col(quantity.in_sigmas)
+    limit = pl.col(quantity.limit) if quantity in LIMITED else pl.lit(None, pl.Float64)
+    stated = in_sigmas.is_not_null()
+    return {
+        "median_abs": Statistic("median of the absolute error", MEDIAN, error.abs()),
+        "p95_abs": Statistic("95th percentile of the absolute error", P95, error.abs()),
+        "worst_abs": Statistic("largest absolute error", LARGEST, error.abs()),
+        "bias": Statistic("mean error", MEAN, error),
+        "rmse": Statistic("root mean square error", RMS, error),
+        "bias_over_limit": Statistic(
+            "mean of error over information limit, frame by frame",
+            MEAN,
+            error / limit,
+            null=_NOT_STATED,
+        ),
+        "rmse_over_limit": Statistic(
+            "root mean square of error over information limit, frame by frame",
+            RMS,
+            error / limit,
+            null=_NOT_STATED,
+        ),
+        "coverage_68": coverage(quantity, COVERAGE["coverage_68"]),
+        "coverage_95": coverage(quantity, COVERAGE["coverage_95"]),
+        "within_3_sigma": coverage(quantity, CONSISTENT_SIGMAS),
+        "nees": Statistic(
+            "mean squared error in stated sigmas; 1 if these are right",
+            MEAN,
+            in_sigmas**2,
+            null=_NOT_STATED,
+        ),
+        # 1 if all frames have the same sigma and these are right, else less.
+        "sigma_over_rmse": Statistic(
+            "mean stated sigma over RMSE",
+            MEAN,
+            pl.col(quantity.sigma),
+            where=stated,
+            over=Statistic("", RMS, error, where=stated),
+            null="no sigma is stated",
+        ),
+    }
+
+
+_TIME: Final = pl.col("image_ms")
+TIMES: Final = {
+    "ms_median": Statistic("median of image_ms", MEDIAN, _TIME, null="no time is stated"),
+    "ms_p05": Statistic("5th percentile of image_ms", P05, _TIME, null="no time is stated"),
+    "ms_p95": Statistic("95th percentile of image_ms", P95, _TIME, null="no time is stated"),
+}
+
+_TOUCHED: Final = ~pl.col("free")
+_ANSWERS: Final = pl.col("outcome").is_in(CONTACTS)
+_FRAME: Final = pl.col("outcome").is_not_null()
+_X_C_PCT: Final = pl.col("x_c_error_pct_L")
+_SECOND_STATED: Final = pl.col(SECOND_S_C.column).is_not_null()
+_SECOND_TRUE: Final = pl.col(SECOND_S_C.truth).is_not_null()
+_RIGID: Final = _TOUCHED & pl.col("k_s_n_m").is_null()
+
+CONSISTENT: Final = Statistic(
+    "share of frames that are consistent or rightly refused",
+    MEAN,
+    pl.col("consistent"),
+    # A method that states no sigma of x_c is neither consistent nor inconsistent.
+    defined=pl.col(X_C.error).is_null().all()
+    | pl.col(X_C.sigma).filter(pl.col(X_C.error).is_not_null()).is_not_null().any(),
+)
+
+
+def _rms(column: str, meaning: str, where: pl.Expr | None = None) -> Statistic:
+    return Statistic(f"root mean square {meaning}", RMS, pl.col(column), where)
+
+
+def _median(column: str, meaning: str) -> Statistic:
+    return Statistic(f"median absolute {meaning}", MEDIAN, pl.col(column).abs())
+
+
+# The figures of a method in the summary, of all its frames.
+SUMMARY: Final = {
+    "x_c_rmse_pct_L": _rms("x_c_error_pct_L", "error of the contact distance"),
+    # Null for a method that estimates only forces.
+    "x_c_rmse_all_pct_L": Statistic(
+        "the same RMSE; a failure counts as an error of L/2",
+        RMS,
+        _X_C_PCT.fill_null(_FAILURE_ERROR_PCT_L),
+        where=_TOUCHED & ~pl.col("rightly_refused"),
+        defined=_X_C_PCT.is_not_null().any() | pl.col("force_error_n").is_null().all(),
+    ),
+    "x_c_median_abs_pct_L": _median("x_c_error_pct_L", "error of the contact distance"),
+    "x_c_p95_abs_pct_L": Statistic("95th percentile of this error", P95, _X_C_PCT.abs()),
+    "s_c_rmse_pct_L": _rms("s_c_error_pct_L", "error of the contact arc length"),
+    "force_rmse_pct": _rms("force_error_pct", "error of the force, relative to its true value"),
+    "force_median_abs_pct": _median("force_error_pct", "error of the force"),
+    "f_rmse_pct": _rms("f_error_pct", "error of the force's component in plane D"),
+    "theta_c_rmse_deg": _rms("theta_c_error_deg", "error of the slope at the contact"),
+    "second_s_c_rmse_pct_L": _rms("second_s_c_error_pct_L", "error of the second arc length"),
+    "second_force_rmse_pct": _rms("second_force_error_pct", "error of the second force"),
+    # Both are null for a method that never states a second contact.
+    "second_detection_rate": Statistic(
+        "share of the frames with two contacts in which the second one is stated",
+        MEAN,
+        _SECOND_STATED,
+        where=_SECOND_TRUE,
+        defined=_SECOND_STATED.any(),
+    ),
+    "false_second_rate": Statistic(
+        "share of the other frames in which a second contact is stated",
+        MEAN,
+        _SECOND_STATED,
+        where=~_SECOND_TRUE,
+        defined=_SECOND_STATED.any(),
+    ),
+    "psi_rmse_deg": _rms("psi_error_deg", "error of the plane of bending"),
+    "psi_median_abs_deg": _median("psi_error_deg", "error of the plane of bending"),
+    "motor_angle_rmse_deg": _rms("motor_angle_error_deg", "error of the motor angle"),
+    "compliance_rmse_pct": _rms(
+        "compliance_error_pct", "error of 1/k_s, relative to its true value"
+    ),
+    "compliance_median_abs_pct": _median("compliance_error_pct", "error of 1/k_s"),
+    "compliance_last_rmse_pct": _rms(
+        "compliance_error_pct", "error of 1/k_s at the end of a push", pl.col("last_step")
+    ),
+    "compliance_rigid_rmse_mm_per_n": _rms(
+        "compliance_error_mm_per_n", "error of 1/k_s of rigid objects", _RIGID
+    ),
+    "compliance_rigid_last_rmse_mm_per_n": _rms(
+        "compliance_error_mm_per_n",
+        "error of 1/k_s of rigid objects at the end of a push",
+        _RIGID & pl.col("last_step"),
+    ),
+    "contact_antenna_rmse_mm": _rms("contact_antenna_vector_error_mm", "error of the contact"),
+    "contact_world_rmse_mm": _rms("contact_world_vector_error_mm", "the same in Sigma_o"),
+    "force_vector_rmse_n": _rms("force_vector_error_n", "error of the force as a vector"),
+    **{
+        f"{quantity.name}_{name}": error_statistics(quantity)[name]
+        for quantity in LIMITED
+        for name in ("bias_over_limit", "rmse_over_limit")
+    },
+    "failure_rate": Statistic(
+        "share of frames without the required values, or with a wrong outcome",
+        MEAN,
+        pl.col("failed"),
+    ),
+    "refused_rate": Statistic("share of frames refused", MEAN, pl.col("refused")),
+    "rightly_refused_rate": Statistic(
+        "share of frames refused rightly", MEAN, pl.col("rightly_refused")
+    ),
+    "crashed_rate": Statistic("share of frames without any prediction", MEAN, pl.col("crashed")),
+    "consistent_rate": CONSISTENT,
+    "false_contact_rate": Statistic(
+        "share of the frames without contact in which one is stated",
+        MEAN,
+        _ANSWERS,
+        where=pl.col("free"),
+    ),
+    "free_frames": Statistic("frames without contact", COUNT, _FRAME, where=pl.col("free")),
+    "detection_rate": Statistic(
+        f"share of the contacts with an SNR of {SURE_SNR:g} or more that are stated",
+        MEAN,
+        _ANSWERS,
+        where=_TOUCHED & (pl.col("snr") >= SURE_SNR),
+    ),
+    "ms_per_frame_median": Statistic(
+        "median time from the image in memory to the estimate", MEDIAN, _TIME
+    ),
+    "ms_per_frame_p05": TIMES["ms_p05"],
+    "ms_per_frame_p95": TIMES["ms_p95"],
+    "n": Statistic("frames", COUNT, _FRAME),
+    **{
+        name.replace("_error", "_rmse"): _rms(name, score.column.meaning)
+        for name, score in COMPUTED.items()
+        if score.heading
+    },
+}
+# Headings of the figures of those computed scores that have one.
+HEADINGS: Final = {
+    name.replace("_error", "_rmse"): score.heading
+    for name, score in COMPUTED.items()
+    if score.heading
+}
+
+# The figures of a method in the report, by the names of `MethodStatistics`.
+REPORTED: Final = {
+    "frames": SUMMARY["n"],
+    "contacts": Statistic("frames with contact", COUNT, _FRAME, where=_TOUCHED),
+    "free": SUMMARY["free_frames"],
+    "answered": Statistic(
+        "contacts with an estimate", COUNT, _FRAME, where=_TOUCHED & ~pl.col("failed")
+    ),
+    "right_refusals": Statistic(
+        "contacts that are rightly refused",
+        COUNT,
+        _FRAME,
+        where=_TOUCHED & pl.col("rightly_refused"),
+    ),
+    "false_contacts": Statistic(
+        "free frames with an estimate", COUNT, _FRAME, where=pl.col("free") & _ANSWERS
+    ),
+    "median": SUMMARY["x_c_median_abs_pct_L"],
+    "p95": SUMMARY["x_c_p95_abs_pct_L"],
+    "worst": Statistic("largest absolute error of x_c", LARGEST, _X_C_PCT.abs()),
+    "rmse": SUMMARY["x_c_rmse_pct_L"],
+    "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT),
+    "rmse_all": SUMMARY["x_c_rmse_all_pct_L"],
+    "force_rmse": SUMMARY["force_rmse_pct"],
+    "psi_rmse": SUMMARY["psi_rmse_deg"],
+    "compliance_rmse": SUMMARY["compliance_rmse_pct"],
+    "coverage_95": error_statistics(X_C)["coverage_95"],
+    "ms": SUMMARY["ms_per_frame_median"],
+    "matched": Statistic(
+        "frames with an error and a limit of x_c", COUNT, pl.col(X_C.error) / pl.col(X_C.limit)
+    ),
+    "rmse_over_limit": SUMMARY["x_c_rmse_over_limit"],
+}
+
+# The figures of a group of frames in factors.csv.
+_UNANSWERED: Final = "no frame is answered"
+FACTOR: Final = {
+    "frames": Statistic("number of frames in the group", COUNT, _FRAME),
+    "answered_pct": Statistic(
+        "share of the frames with a contact and values", MEAN, 100 * _ANSWERS
+    ),
+    "median_pct_L": Statistic(
+        "median of the absolute error of x_c", MEDIAN, _X_C_PCT.abs(), null=_UNANSWERED
+    ),
+    "rmse_pct_L": Statistic("root mean square error of x_c", RMS, _X_C_PCT, null=_UNANSWERED),
+    "consistent_pct": Statistic("share of the consistent frames", MEAN, 100 * pl.col("consistent")),
+}
+
+# SNR above which a contact should be found. From the requirement on collections.
+_CLEAR_SNR: Final = 10.0
+# Further figures of a method in the summary of a collection.
+COLLECTION: Final = {
+    "x_c_rms_in_sigmas": Statistic(
+        "root mean square error of x_c in stated sigmas; 1 if these are right",
+        RMS,
+        pl.col(X_C.in_sigmas),
+    ),
+    "detection_rate_snr_10": Statistic(
+        "share of the contacts with an SNR above 10 that are stated",
+        MEAN,
+        _ANSWERS,
+        where=_TOUCHED & (pl.col("snr") > _CLEAR_SNR),
+    ),
+}
