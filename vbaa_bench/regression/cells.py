@@ -9,9 +9,9 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.regression.compared import COMPARED, TIME, ComparedQuantity
-from vbaa_bench.regression.strata import ALL, stratify
 from vbaa_bench.regression.swaps import Changes
 from vbaa_bench.regression.typical import of_push
+from vbaa_bench.scoring.strata import ALL, compared_strata
 
 ALL_SCENES: Final = "all scenes"
 # Derived: all of n pushes change alike by chance with a probability of 2 / 2^n, which has to be
@@ -86,7 +86,9 @@ def _group(cell: Cell) -> tuple[str, str, str]:
 
 def _of_scene(scene: PairedScene) -> list[Cell]:
     unit = pl.col("rig").cast(pl.String) if scene.rigs else pl.col("push_id")
-    frames, strata = stratify(scene.frames.with_columns(unit=pl.lit(f"{scene.name} ") + unit))
+    frames, strata = compared_strata(
+        scene.frames.with_columns(unit=pl.lit(f"{scene.name} ") + unit)
+    )
     listed = []
     for quantity in COMPARED:
         if quantity is TIME and not scene.same_processor:

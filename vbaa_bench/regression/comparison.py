@@ -15,9 +15,9 @@ from vbaa_bench.regression.cells import Cell, PairedScene, cells, changes
 from vbaa_bench.regression.compared import TIME, ComparedQuantity
 from vbaa_bench.regression.pairing import pair
 from vbaa_bench.regression.scored_run import ScoredRun, read_run
-from vbaa_bench.regression.strata import ALL
 from vbaa_bench.regression.swaps import FALSE_ALARM, swap_test
 from vbaa_bench.regression.typical import of_set
+from vbaa_bench.scoring.strata import ALL
 
 Verdict = Literal["worse", "better", "not distinguishable", "same"]
 # Share of the false alarms for times, whose noise is of another kind. Chosen: a method 1.3 times as

@@ -65,17 +65,17 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
     figures = {name: statistic.expression for name, statistic in REPORTED.items()}
     figures["information"] = pl.col("information").first()
     figures |= {heading: SUMMARY[name].expression for name, heading in HEADINGS.items()}
-    intervals = {
-        str(name): {
-            "median_95": median_interval(part["x_c_error_pct_L"], part["group"].to_numpy()),
-            "ms_95": median_interval(part["image_ms"], part["group"].to_numpy()),
-        }
-        for (name,), part in rows.select("method", "group", "x_c_error_pct_L", "image_ms").group_by(
-            "method"
-        )
-    }
+    parts = rows.select("method", "group", "x_c_error_pct_L", "image_ms").partition_by(
+        "method", as_dict=True
+    )
     methods = {}
     for row in rows.group_by("method").agg(**figures).to_dicts():
-        name, added = row["method"], {head: row.pop(head) for head in HEADINGS.values()}
-        methods[name] = MethodStatistics(**row, **intervals[name], added=added)
+        part = parts[(row["method"],)]
+        groups = part["group"].to_numpy()
+        methods[row["method"]] = MethodStatistics(
+            **{name: row[name] for name in ("method", *REPORTED, "information")},
+            median_95=median_interval(part["x_c_error_pct_L"], groups),
+            ms_95=median_interval(part["image_ms"], groups),
+            added={heading: row[heading] for heading in HEADINGS.values()},
+        )
     return methods

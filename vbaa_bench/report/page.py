@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -13,12 +14,13 @@ from vbaa_bench.report.budget import Share
 from vbaa_bench.report.changes import Changes
 from vbaa_bench.report.heat_map import with_bins
 from vbaa_bench.report.method_statistics import with_groups
+from vbaa_bench.report.numbers import short
 from vbaa_bench.report.residuals import MAX_DOTS, figures, panels
-from vbaa_bench.report.strata import strata
 from vbaa_bench.report.template import template
 from vbaa_bench.report.views import by_error, views
 from vbaa_bench.report.worst import Row, worst_frames
 from vbaa_bench.scoring.overlay import Overlay
+from vbaa_bench.scoring.strata import reported_strata
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def page(contents: Contents) -> Page:
     methods = by_error(scores)
     styles = palette.styles(methods)
     classes = {name: f"m{number}" for number, name in enumerate(methods)}
-    chosen = strata(scores)
+    chosen = reported_strata(scores, partial(short, digits=3))
     shown = views(scores, methods, chosen, bins, styles, classes)
     html = template("page.html.jinja").render(
         contents=contents,

@@ -11,7 +11,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.report.axes import Axis, log_axis, signed_axis
 from vbaa_bench.report.drawing import Margins, Plot
 from vbaa_bench.report.numbers import short, signed
-from vbaa_bench.report.strata import Stratum
+from vbaa_bench.scoring.strata import Stratum
 
 _SIZE: Final = (300, 190)
 # Chosen: dots of a chart overlap beyond this, and each takes 100 bytes of the page.

@@ -13,7 +13,7 @@ from vbaa_bench.report.heat_map import Bins, HeatMap, heat_maps
 from vbaa_bench.report.method_statistics import MethodStatistics, method_statistics
 from vbaa_bench.report.outcomes import OutcomeTable, messages, outcomes
 from vbaa_bench.report.palette import Style
-from vbaa_bench.report.strata import Stratum
+from vbaa_bench.scoring.strata import Stratum
 
 
 @dataclass(frozen=True)

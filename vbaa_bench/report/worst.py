@@ -13,8 +13,8 @@ from solver.instrument.centreline import Flag
 from vbaa_bench.report.drawing import element
 from vbaa_bench.report.gallery import display, webp_uri
 from vbaa_bench.report.numbers import short, signed
-from vbaa_bench.report.strata import Stratum
 from vbaa_bench.scoring.overlay import Overlay
+from vbaa_bench.scoring.strata import Stratum
 
 # Chosen: 60 pictures of 8 kB for ten methods.
 _MAX_ERRORS: Final = 6

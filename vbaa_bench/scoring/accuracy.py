@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
-from polars import selectors
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.readers import open_truth
@@ -17,7 +16,7 @@ from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.scoring.scored_quantities import LIMITED
 from vbaa_bench.scoring.statistics import RMS
-from vbaa_bench.scoring.strata import class_order
+from vbaa_bench.scoring.strata import class_order, with_labels
 from vbaa_bench.scoring.summary import summarise_method
 
 Row = dict[str, Any]
@@ -42,8 +41,7 @@ def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
     A row contains the values of `summarise_method`. Separate columns repeat the fractions of x_c,
     psi and a push's last compliance within three stated sigmas [%], and for x_c the ratio of stated
     sigma to RMSE, the fraction within 1.96 sigmas and the share of the information that is used
-    [%]. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
-    InputError for a dataset that is not scored, and for an unknown condition.
+    [%]. Raises InputError for a dataset that is not scored, and for an unknown condition.
     """
     if by is not None and by not in (*CONDITIONS, *STRATA):
         allowed = ", ".join((*CONDITIONS, *STRATA))
@@ -54,9 +52,7 @@ def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
 def _rows(results: Results, by: str | None) -> list[Row]:
     scores = read_scores(results)
     if by is not None:
-        # Conditions are computed from equilibria; those of one setting differ in the last digits.
-        scores = scores.with_columns((selectors.by_name(by) & selectors.float()).round_sig_figs(9))
-        scores = scores.with_columns(_label(by))
+        scores = with_labels(scores, by)
     truth = open_truth(results.dataset.truth, centrelines=False)
     scene = truth.manifest["scene"]
     remark = " ".join(remarks(scene))
@@ -125,21 +121,6 @@ def _bounds(methods: Sequence[pl.DataFrame], length_mm: float) -> dict[str, Row]
 def _rms(rows: pl.DataFrame, values: pl.Expr) -> float | None:
     root: float | None = rows.select(RMS.expression(values)).item()
     return root
-
-
-def _label(by: str) -> pl.Expr:
-    """Label a condition for the table: a spring's stiffness, or "rigid"."""
-    column = pl.col(by)
-    if by == "k_s_over_k_beam":
-        decade = column.log10().floor()
-        label = pl.format("{} – {}", 10.0**decade, 10.0 ** (decade + 1))
-    elif by == "k_s_n_m":
-        label = column.cast(pl.String)
-    else:
-        return column
-    rigid = pl.when(~pl.col("free")).then(pl.lit("rigid"))
-    trimmed = label.str.replace_all(r"\.0\b", "")
-    return pl.when(column.is_null()).then(rigid).otherwise(trimmed).alias(by)
 
 
 def _row(rows: pl.DataFrame) -> Row:

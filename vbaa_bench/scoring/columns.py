@@ -8,8 +8,7 @@ from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column, K
 from vbaa_bench.dataset.columns import JOINED, TRUTH
 from vbaa_bench.dataset.table_schema import schema_of
 from vbaa_bench.scoring.computed_scores import COMPUTED, FAILED
-from vbaa_bench.scoring.conditions import CONDITIONS
-from vbaa_bench.scoring.factors import PREFIX
+from vbaa_bench.scoring.conditions import CONDITIONS, FACTOR_PREFIX, STRATA
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
     LIMITED,
@@ -199,25 +198,10 @@ SCORES: Final = {
     "x_c_simple_rms_mm": Column(f"least RMS of errors of x_c {_SIMPLE}", SIGMA_D, _HOLDS),
     "force_simple_rms_n": Column(f"least RMS of errors of force_n {_SIMPLE}", SIGMA_A, _HOLDS),
     **{name: one.column for name, one in COMPUTED.items()},
-    "deflection_class": Column(
-        "class of deflection_pct", kind=Kind.TEXT, presence=Presence.COMPLETE
-    ),
-    "contact_distance_class": Column(
-        "class of the true contact distance in % of L", kind=Kind.TEXT, presence=Presence.COMPLETE
-    ),
-    "availability_class": Column(
-        "class of the availability ratio (eq. 32)", kind=Kind.TEXT, presence=Presence.COMPLETE
-    ),
-    "psi_class": Column(
-        "class of the absolute true psi", kind=Kind.TEXT, presence=Presence.COMPLETE
-    ),
-    "light": Column("kind of the first light", kind=Kind.TEXT, presence=Presence.COMPLETE),
-    "noise_class": Column(
-        "class of a pixel's noise, in % of the beam's peak",
-        kind=Kind.TEXT,
-        presence=Presence.COMPLETE,
-    ),
-    "scene": Column("title of the scene", kind=Kind.TEXT, presence=Presence.COMPLETE),
+    **{
+        name: Column(meaning, kind=Kind.TEXT, presence=Presence.COMPLETE)
+        for name, meaning in STRATA.items()
+    },
     "information": Column(
         "information set of the limits: planar, learned, image, moment, force or push",
         kind=Kind.TEXT,
@@ -264,7 +248,7 @@ SCORES: Final = {
         presence=Presence.COMPLETE,
     ),
     "rig": Column("number of the rig; absent for a single dataset", kind=Kind.INTEGER),
-    f"{PREFIX}*": Column(
+    f"{FACTOR_PREFIX}*": Column(
         "value of a factor in which rigs or frames differ; absent for a single dataset",
         "",
         "the rig has no such value",

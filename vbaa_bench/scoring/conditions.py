@@ -17,13 +17,15 @@ CONDITIONS: Final = (
     "hidden_place",
     "availability_asked",
 )
-# Columns of the scores, too: classes of conditions, which `strata` makes.
-STRATA: Final = (
-    "deflection_class",
-    "contact_distance_class",
-    "availability_class",
-    "psi_class",
-    "light",
-    "noise_class",
-    "scene",
-)
+# Columns of the scores, too, with their meanings: classes of conditions, which `strata` makes.
+STRATA: Final = {
+    "deflection_class": "class of deflection_pct",
+    "contact_distance_class": "class of the true contact distance in % of L",
+    "availability_class": "class of the availability ratio (eq. 32)",
+    "psi_class": "class of the absolute true psi",
+    "light": "kind of the first light",
+    "noise_class": "class of a pixel's noise, in % of the beam's peak",
+    "scene": "title of the scene",
+}
+# Prefix of the columns of factors in the scores of a collection.
+FACTOR_PREFIX: Final = "factor."

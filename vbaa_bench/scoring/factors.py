@@ -6,14 +6,12 @@ import numpy as np
 import polars as pl
 
 from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.scoring.conditions import FACTOR_PREFIX
 from vbaa_bench.scoring.statistics import FACTOR
+from vbaa_bench.scoring.strata import factor_groups
 
-# Groups of equal size of a factor that is a number. Chosen: with 300 rigs, each has 100.
-_GROUPS: Final = 3
 # Fewer frames say nothing. Chosen: a rate of one half is then known to 8 %.
 _MIN_FRAMES: Final = 40
-# Prefix of the columns of factors.
-PREFIX: Final = "factor."
 
 # Keys of the scene that are factors of a rig, if rigs differ in them.
 _SCENE_KEYS: Final = (
@@ -50,7 +48,7 @@ def rig_factors(truth: Truth) -> dict[str, pl.Expr]:
         value = (scene.get(section) or {}).get(key)
         if value is not None:
             factors[f"{section}.{key}"] = value
-    return {f"{PREFIX}{name}": pl.lit(value) for name, value in factors.items()}
+    return {f"{FACTOR_PREFIX}{name}": pl.lit(value) for name, value in factors.items()}
 
 
 def factor_columns(truth: Truth) -> pl.DataFrame:
@@ -60,10 +58,10 @@ def factor_columns(truth: Truth) -> pl.DataFrame:
     drawn = [name for name in frames.columns if name.startswith("drawn.")]
     return frames.select(
         "frame_id",
-        (pl.col("x_c_mm").cast(pl.Float64) / length).alias(f"{PREFIX}x_c_over_L"),
-        pl.col("deflection_pct").alias(f"{PREFIX}deflection_pct"),
-        pl.col("theta_c_deg").cast(pl.Float64).alias(f"{PREFIX}theta_c_deg"),
-        *(pl.col(name).alias(f"{PREFIX}{name.removeprefix('drawn.')}") for name in drawn),
+        (pl.col("x_c_mm").cast(pl.Float64) / length).alias(f"{FACTOR_PREFIX}x_c_over_L"),
+        pl.col("deflection_pct").alias(f"{FACTOR_PREFIX}deflection_pct"),
+        pl.col("theta_c_deg").cast(pl.Float64).alias(f"{FACTOR_PREFIX}theta_c_deg"),
+        *(pl.col(name).alias(f"{FACTOR_PREFIX}{name.removeprefix('drawn.')}") for name in drawn),
     )
 
 
@@ -85,19 +83,18 @@ def _direction_deg(truth: Truth) -> float:
 def factor_table(scores: pl.DataFrame) -> pl.DataFrame:
     """Tabulate errors by factor, one row per method, factor and group; the worst factor first.
 
-    Numbers are divided into three groups of equal size, except that equal numbers stay together;
-    other factors by their values. `spread` is the difference between the consistent shares of the
-    best and the worst group of the factor.
+    Groups are those of `factor_groups`. `spread` is the difference between the consistent shares of
+    the best and the worst group of the factor.
     """
-    factors = [name for name in scores.columns if name.startswith(PREFIX)]
+    factors = [name for name in scores.columns if name.startswith(FACTOR_PREFIX)]
     if "snr" in scores.columns:
-        scores = scores.with_columns(pl.col("snr").alias(f"{PREFIX}snr"))
-        factors.append(f"{PREFIX}snr")
+        scores = scores.with_columns(pl.col("snr").alias(f"{FACTOR_PREFIX}snr"))
+        factors.append(f"{FACTOR_PREFIX}snr")
     rows: list[dict[str, Any]] = []
     for (method,), of_method in scores.group_by("method", maintain_order=True):
         for factor in factors:
             groups = [
-                {"method": method, "factor": factor.removeprefix(PREFIX), **row}
+                {"method": method, "factor": factor.removeprefix(FACTOR_PREFIX), **row}
                 for row in _groups(of_method, factor)
             ]
             shares = [row["consistent_pct"] for row in groups]
@@ -111,30 +108,8 @@ def factor_table(scores: pl.DataFrame) -> pl.DataFrame:
 
 
 def _groups(scores: pl.DataFrame, factor: str) -> list[dict[str, Any]]:
-    known = scores.drop_nulls(factor)
-    values = known[factor]
-    if values.n_unique() < 2:
-        return []
-    if values.dtype.is_numeric() and values.n_unique() > _GROUPS:
-        # Equal values have equal ranks: they are in one group, however many they are.
-        ranks = ((values.rank("average") - 1) * _GROUPS / known.height).floor()
-        parts = [known.filter(ranks == n) for n in range(_GROUPS)]
-        named = [(_range(part[factor]), part) for part in parts if part.height]
-    else:
-        named = [
-            (str(value), part)
-            for (value,), part in sorted(known.group_by(factor), key=lambda one: str(one[0]))
-        ]
     return [
-        {"group": name, **{figure: one.of(part) for figure, one in FACTOR.items()}}
-        for name, part in named
-        if part.height >= _MIN_FRAMES
+        {"group": name, **{figure: one.of(frames) for figure, one in FACTOR.items()}}
+        for name, frames in factor_groups(scores, factor)
+        if frames.height >= _MIN_FRAMES
     ]
-
-
-def _range(values: pl.Series) -> str:
-    low, high = (
-        np.format_float_positional(float(end), 3, fractional=False, trim="-")
-        for end in (np.min(values.to_numpy()), np.max(values.to_numpy()))
-    )
-    return low if low == high else f"{low} to {high}"

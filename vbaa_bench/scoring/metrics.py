@@ -29,7 +29,7 @@ from vbaa_bench.scoring.scored_quantities import (
     ScoredQuantity,
     components,
 )
-from vbaa_bench.scoring.strata import strata
+from vbaa_bench.scoring.strata import fixed_classes
 
 _TEXTS = ("outcome", "message", "assumption", "information")
 _QUANTITIES = (*SCORED_QUANTITIES, *COMPONENTS)
@@ -218,7 +218,7 @@ def true_frames(truth: Truth) -> pl.DataFrame:
             # If no frame has a contact, the columns have no type.
             *(quantity.true.cast(pl.Float64).alias(quantity.truth) for quantity in _QUANTITIES),
         )
-        .join(strata(truth), on="frame_id")
+        .join(fixed_classes(truth), on="frame_id")
         .join(right_refusals(truth), on="frame_id")
     )
 

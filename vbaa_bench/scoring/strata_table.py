@@ -22,12 +22,10 @@ from vbaa_bench.scoring.statistics import (
     Statistic,
     error_statistics,
 )
-from vbaa_bench.scoring.strata import class_order
+from vbaa_bench.scoring.strata import ALL, class_order
 
 Row = dict[str, Any]
 
-# Name of the stratum that contains all frames.
-ALL: Final = "all"
 _COUNTS: Final = ("failed", "crashed", "refused")
 _OF_ERRORS: Final = ("answered", *ORDERS, "worst_frame")
 

@@ -20,7 +20,7 @@ from vbaa_bench.scoring.scored_quantities import (
     ScoredQuantity,
 )
 from vbaa_bench.scoring.statistics import SUMMARY, error_statistics
-from vbaa_bench.scoring.strata_table import ALL
+from vbaa_bench.scoring.strata import ALL
 
 _CALIBRATION = (*COVERAGE, "within_3_sigma", "nees", "sigma_over_rmse")
 

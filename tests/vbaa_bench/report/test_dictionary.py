@@ -32,7 +32,8 @@ from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
 from vbaa_bench.scoring.collection import score_rigs
 from vbaa_bench.scoring.columns import FACTORS, PREDICTIONS, SCORES, STRATA_TABLE
-from vbaa_bench.scoring.factors import PREFIX, factor_table
+from vbaa_bench.scoring.conditions import FACTOR_PREFIX
+from vbaa_bench.scoring.factors import factor_table
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
 from vbaa_bench.scoring.strata_table import strata_rows
 
@@ -155,7 +156,7 @@ def test_columns_of_predictions_and_scores_are_described(dataset: Path) -> None:
     truth = open_truth(Layout(dataset).truth)
     table = checked_predictions(predictions(dataset), "")
     scores = score_frames(truth, table, "own", "")
-    assert set(scores.columns) == set(SCORES) - {"rig", f"{PREFIX}*"}
+    assert set(scores.columns) == set(SCORES) - {"rig", f"{FACTOR_PREFIX}*"}
     assert undescribed_nulls(scores, SCORES) == []
     strata = pl.DataFrame(strata_rows(scores), infer_schema_length=None)
     assert strata.columns == list(STRATA_TABLE)
@@ -171,7 +172,9 @@ def test_columns_of_a_scored_collection_are_described(dataset: Path, tmp_path: P
         predictions(dataset).write_csv(layout.rig(number).root / "predictions" / "own.csv")
     score_rigs(tmp_path)
     scores = pl.read_parquet(tmp_path / "scores" / "scores.parquet")
-    names = {f"{PREFIX}*" if name.startswith(PREFIX) else name for name in scores.columns}
+    names = {
+        f"{FACTOR_PREFIX}*" if name.startswith(FACTOR_PREFIX) else name for name in scores.columns
+    }
     assert names == set(SCORES)
     # A group of a factor needs 40 frames.
     assert factor_table(pl.concat([scores] * 40)).columns == list(FACTORS)

@@ -10,8 +10,8 @@ from vbaa_bench.report.coverage import calibrations
 from vbaa_bench.report.heat_map import heat_maps, with_bins
 from vbaa_bench.report.method_statistics import MethodStatistics, method_statistics, with_groups
 from vbaa_bench.report.outcomes import messages, outcomes
-from vbaa_bench.report.strata import strata
 from vbaa_bench.scoring.scored_quantities import X_C
+from vbaa_bench.scoring.strata import reported_strata
 from vbaa_bench.scoring.summary import calibration
 
 
@@ -61,7 +61,7 @@ def test_the_limit_line_is_the_median_error_of_an_efficient_method(
 
 
 def test_strata_divide_the_frames(table: pl.DataFrame) -> None:
-    found = strata(table)
+    found = reported_strata(table, str)
     assert found[0].label == "all frames"
     headings = dict.fromkeys(stratum.heading for stratum in found[1:])
     assert {"deflection", "contact distance", "inclination psi", "availability ratio"} <= set(
@@ -77,7 +77,7 @@ def test_strata_divide_the_frames(table: pl.DataFrame) -> None:
             assert sum(parts) == defined
         assert all(parts)
     wide = table.with_columns(deflection_pct=pl.Series(np.linspace(1, 20, table.height)))
-    thirds = [one for one in strata(wide) if one.heading == "deflection"]
+    thirds = [one for one in reported_strata(wide, str) if one.heading == "deflection"]
     sizes = [wide.filter(one.contains).height for one in thirds]
     assert sum(sizes) == table.height
     assert max(sizes) - min(sizes) <= 1

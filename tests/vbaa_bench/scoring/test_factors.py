@@ -4,7 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from vbaa_bench.scoring.factors import PREFIX, factor_table
+from vbaa_bench.scoring.conditions import FACTOR_PREFIX
+from vbaa_bench.scoring.factors import factor_table
 
 
 def table(values: list[float], consistent: list[bool]) -> pl.DataFrame:
@@ -15,7 +16,7 @@ def table(values: list[float], consistent: list[bool]) -> pl.DataFrame:
                 "outcome": ["contact" if good else "no contact" for good in consistent],
                 "x_c_error_pct_L": [0.1] * len(values),
                 "consistent": consistent,
-                f"{PREFIX}blur": values,
+                f"{FACTOR_PREFIX}blur": values,
             }
         )
     )

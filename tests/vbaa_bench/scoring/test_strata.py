@@ -4,7 +4,7 @@ from typing import Any
 
 import polars as pl
 
-from vbaa_bench.regression.strata import stratify
+from vbaa_bench.scoring.strata import compared_strata
 
 COLUMNS = {
     "push": pl.String(),
@@ -20,7 +20,7 @@ COLUMNS = {
 def labels(column: str, values: list[Any]) -> list[Any] | None:
     """Labels of the strata of frames that differ in one column."""
     rows = [dict.fromkeys(COLUMNS) | {column: value} for value in values]
-    frames, columns = stratify(pl.DataFrame(rows, schema=COLUMNS))
+    frames, columns = compared_strata(pl.DataFrame(rows, schema=COLUMNS))
     assert frames[columns[0]].to_list() == ["all"] * len(values)
     return frames[columns[1]].to_list() if len(columns) > 1 else None
 
@@ -38,6 +38,10 @@ def test_an_object_without_a_stiffness_is_rigid() -> None:
     assert many is not None
     assert many == [*["k_s 1 to 2 N/m"] * 2, *["k_s 3 to 4 N/m"] * 2, *["k_s 5 to 6 N/m"] * 2,
                     "k_s rigid"]  # fmt: skip
+    # Four springs and a rigid object are five different stiffnesses.
+    assert labels("k_s_n_m", [1.0, 2.0, 3.0, 4.0, None]) == [
+        "k_s 1 to 1 N/m", "k_s 2 to 2 N/m", *["k_s 3 to 4 N/m"] * 2, "k_s rigid"
+    ]  # fmt: skip
 
 
 def test_many_numbers_form_three_groups() -> None:
