@@ -34,6 +34,7 @@ from vbaa_bench.dataset.recorded import exists, write_results
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.markdown_table import markdown_table
 from vbaa_bench.scoring.metrics import read_predictions
+from vbaa_bench.scoring.statistics import RMS
 
 # Pixels per block along rows and columns. Measured: blocks of twice the size do as well.
 BLOCK_PX: Final = (16, 4)
@@ -302,14 +303,14 @@ def _errors(frames: Frames, estimator: str, estimates: Floats) -> Errors:
     """Compute the errors of estimates (..., n, 2), NaN where there is none."""
     errors = (estimates - frames.labels).reshape(-1, 2)
     known = errors[~np.isnan(errors).any(axis=1)]
-    rms = np.sqrt((known**2).mean(axis=0)) if len(known) else None
+    x_c, force = (RMS.of(one) if len(known) else None for one in known.T)
     return Errors(
         frames.name,
         estimator,
         len(errors),
         len(known),
-        None if rms is None else 100 * float(rms[0]),
-        None if rms is None else float(rms[1]),
+        None if x_c is None else 100 * x_c,
+        force,
     )
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.units import MILLIMETRE, PERCENT
 from vbaa_bench.scoring.markdown_table import markdown_table
-
-# Error in sigmas above which an answer is wrong.
-_WRONG: Final = 3.0
+from vbaa_bench.scoring.scored_quantities import CONSISTENT_SIGMAS
+from vbaa_bench.scoring.statistics import MEDIAN, RMS
 
 
 @dataclass(frozen=True)
@@ -47,20 +46,20 @@ class Errors:
             return [answered, *[None] * (len(_FORMATS) - 1)]
         x, x_sigma, force, force_sigma, limit, distance, sigmas = np.asarray(self.rows).T
         limited, located = np.isfinite(limit), np.isfinite(distance)
-        rmse = float(np.sqrt(np.mean(x**2)))
+        rmse = RMS.of(x)
         numbers = [
             answered,
             rmse,
-            np.median(np.abs(x)),
-            np.mean(np.abs(x) <= _WRONG * x_sigma) / PERCENT,
-            np.sqrt(np.mean(x_sigma**2)) / rmse,
-            np.sqrt(np.mean(limit[limited] ** 2)) if limited.any() else None,
-            np.median((np.abs(x) / limit)[limited]) if limited.any() else None,
-            np.median((x_sigma / limit)[limited]) if limited.any() else None,
-            np.sqrt(np.mean(force**2)),
-            np.mean(np.abs(force) <= _WRONG * force_sigma) / PERCENT,
-            np.sqrt(np.mean(distance[located] ** 2)) / MILLIMETRE if located.any() else None,
-            np.mean(sigmas[located] <= _WRONG) / PERCENT if located.any() else None,
+            MEDIAN.of(np.abs(x)),
+            np.mean(np.abs(x) <= CONSISTENT_SIGMAS * x_sigma) / PERCENT,
+            RMS.of(x_sigma) / rmse,
+            RMS.of(limit[limited]) if limited.any() else None,
+            MEDIAN.of((np.abs(x) / limit)[limited]) if limited.any() else None,
+            MEDIAN.of((x_sigma / limit)[limited]) if limited.any() else None,
+            RMS.of(force),
+            np.mean(np.abs(force) <= CONSISTENT_SIGMAS * force_sigma) / PERCENT,
+            RMS.of(distance[located]) / MILLIMETRE if located.any() else None,
+            np.mean(sigmas[located] <= CONSISTENT_SIGMAS) / PERCENT if located.any() else None,
         ]
         return [None if number is None else float(number) for number in numbers]
 

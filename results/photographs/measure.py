@@ -14,14 +14,13 @@ import numpy as np
 
 from results.photographs.folder import rig_name
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Outcome
 from solver.instrument.safe_path import PYTHON
 from solver.lab.writing import write
+from vbaa_bench.scoring.scored_quantities import CONSISTENT_SIGMAS
+from vbaa_bench.scoring.statistics import CONTACTS, MEDIAN, RMS
 
 # Chosen: a joint fit of ten photographs takes seconds, a first start compiles for a minute.
 _MOST_SECONDS: Final = 900.0
-# Outcomes with a contact.
-_CONTACT: Final = frozenset(str(outcome) for outcome in Outcome if outcome.has_values)
 
 
 class Solved(NamedTuple):
@@ -87,7 +86,7 @@ def compare(number: int, work: Path) -> list[Solved]:
             continue
         row = rows.get(photo["file"], {})
         outcome = row.get("outcome", "failed")
-        answered = outcome in _CONTACT
+        answered = outcome in CONTACTS
         columns = ("force_n", "force_sigma_n", "s_c_mm", "s_c_sigma_mm")
         values = [_number(row.get(column)) if answered else None for column in columns]
         solved.append(
@@ -152,10 +151,10 @@ def _errors(pairs: Sequence[tuple[float, float]]) -> Mapping[str, float]:
             ("median_pct", "rmse_pct", "in_3_sigma_pct", "sigma_over_rmse"), np.nan
         )
     errors, sigmas = np.array(pairs).T
-    rmse = float(np.sqrt(np.mean(errors**2)))
+    rmse = RMS.of(errors)
     return {
-        "median_pct": float(np.median(np.abs(errors))),
+        "median_pct": MEDIAN.of(np.abs(errors)),
         "rmse_pct": rmse,
-        "in_3_sigma_pct": 100 * float(np.mean(np.abs(errors) <= 3 * sigmas)),
-        "sigma_over_rmse": float(np.median(sigmas)) / rmse,
+        "in_3_sigma_pct": 100 * float(np.mean(np.abs(errors) <= CONSISTENT_SIGMAS * sigmas)),
+        "sigma_over_rmse": MEDIAN.of(sigmas) / rmse,
     }

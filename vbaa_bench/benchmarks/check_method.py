@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -29,7 +29,7 @@ from vbaa_bench.scoring.metrics import read_predictions, score_frames
 from vbaa_bench.scoring.plausible import NEAR
 from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
 from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES, ScoredQuantity
-from vbaa_bench.scoring.statistics import CONTACTS, RMS
+from vbaa_bench.scoring.statistics import CONTACTS, RMS, SUMMARY
 
 FRAMES: Final = 12
 # Three pushes of four frames, of which the first is not yet in contact. The object is inclined, so
@@ -276,17 +276,14 @@ def _sigmas(scores: pl.DataFrame, quantity: ScoredQuantity) -> Iterator[Finding]
 
 
 def _costs(run: MethodRun, scores: pl.DataFrame) -> Iterator[Finding]:
-    times: dict[str, Any] = (
-        scores.filter(~pl.col("crashed"))
-        .select(median=pl.col("image_ms").median(), worst=pl.col("image_ms").max())
-        .row(0, named=True)
-    )
-    if times["median"] is not None:
-        minutes = times["median"] * 1e5 / 6e4
+    times = scores.filter(~pl.col("crashed"))
+    median = SUMMARY["ms_per_frame_median"].of(times)
+    if median is not None:
+        minutes = median * 1e5 / 6e4
         yield Finding(
             "ok",
-            f"{times['median']:.3g} ms per frame, centreline included, at most "
-            f"{times['worst']:.3g} ms; 100,000 frames take {minutes:.3g} minutes",
+            f"{median:.3g} ms per frame, centreline included, at most "
+            f"{times['image_ms'].max():.3g} ms; 100,000 frames take {minutes:.3g} minutes",
         )
     if run.peak_mb is not None:
         yield Finding("ok", f"{run.peak_mb:.0f} MB of memory, images and libraries included")

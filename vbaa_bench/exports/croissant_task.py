@@ -9,6 +9,8 @@ from typing import Final
 from vbaa_bench.dataset.column import unit
 from vbaa_bench.exports.croissant_document import CONTEXT, Node
 from vbaa_bench.scoring.columns import PREDICTIONS
+from vbaa_bench.scoring.scored_quantities import X_C
+from vbaa_bench.scoring.statistics import SUMMARY, error_statistics
 
 _TEXTS: Final = ("frame_id", "outcome", "message", "information")
 PROBLEM: Final = (
@@ -32,20 +34,20 @@ EVALUATION: Final = (
     "limit (Cramer and Rao), the least standard deviation without bias: 1 is the best possible "
     "RMSE over the limit. Intervals are 95 % bootstrap intervals over pushes."
 )
-# Names, units and definitions of the metrics.
+# Statistics that are metrics of the task. One without a quantity in its name exists for each.
 METRICS: Final = (
-    ("x_c_rmse_pct_L", "% of L", "root mean square error of the contact distance"),
-    ("x_c_median_abs_pct_L", "% of L", "median absolute error of the contact distance"),
-    ("x_c_rmse_all_pct_L", "% of L", "the same RMSE; a failure counts as an error of L/2"),
-    ("force_rmse_pct", "%", "root mean square error of the force, relative to its true value"),
-    ("psi_rmse_deg", "deg", "root mean square error of the plane of bending"),
-    ("compliance_rmse_pct", "%", "root mean square error of 1/k_s, relative to its true value"),
-    ("rmse_over_limit", "1", "root mean square of error over information limit"),
-    ("coverage_95", "1", "share of errors within 1.96 stated standard deviations; right is 0.95"),
-    ("nees", "1", "mean squared error in stated standard deviations; right is 1"),
-    ("consistent_rate", "1", "share of frames that are consistent or rightly refused"),
-    ("failure_rate", "1", "share of frames without the required values, or with a wrong outcome"),
-    ("ms_per_frame_median", "ms", "median time from the image in memory to the estimate"),
+    "x_c_rmse_pct_L",
+    "x_c_median_abs_pct_L",
+    "x_c_rmse_all_pct_L",
+    "force_rmse_pct",
+    "psi_rmse_deg",
+    "compliance_rmse_pct",
+    "rmse_over_limit",
+    "coverage_95",
+    "nees",
+    "consistent_rate",
+    "failure_rate",
+    "ms_per_frame_median",
 )
 
 
@@ -63,9 +65,15 @@ def task(dataset: str) -> Node:
         }
         for name, column in PREDICTIONS.items()
     ]
+    statistics = {**SUMMARY, **error_statistics(X_C)}
     metrics = [
-        {"@type": "sc:PropertyValue", "name": name, "unitText": unit_, "description": text}
-        for name, unit_, text in METRICS
+        {
+            "@type": "sc:PropertyValue",
+            "name": name,
+            "unitText": "ms" if name.startswith("ms_") else unit(name) or "1",
+            "description": statistics[name].meaning,
+        }
+        for name in METRICS
     ]
     return {
         "@context": CONTEXT,

@@ -21,7 +21,6 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.table_schema import Schema, checked
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.regression.scored_run import PARAMETERS, PLACE, RESULTS, TEXTS, ScoredRun
-from vbaa_bench.regression.typical import of_push, of_set
 
 # Version of the format.
 _FORMAT: Final = 1
@@ -198,10 +197,10 @@ def _typical(run: ScoredRun) -> dict[str, dict[str, float]]:
     for quantity in COMPARED:
         rows = run.frames.drop_nulls(quantity.column)
         pushes = rows.group_by("method", "rig", "push_id", maintain_order=True).agg(
-            value=of_push(quantity, quantity.column)
+            value=quantity.of_push(quantity.column)
         )
         for (method,), values in pushes.group_by("method", maintain_order=True):
-            value = of_set(quantity, values["value"].to_numpy())
+            value = quantity.of_set(values["value"].to_numpy())
             typical[str(method)][quantity.column] = float(f"{value:.4g}")
     return typical
 

@@ -10,7 +10,6 @@ import polars as pl
 from solver.instrument.arrays import Floats
 from vbaa_bench.regression.compared import COMPARED, TIME, ComparedQuantity
 from vbaa_bench.regression.swaps import Changes
-from vbaa_bench.regression.typical import of_push
 from vbaa_bench.scoring.strata import ALL, compared_strata
 
 ALL_SCENES: Final = "all scenes"
@@ -40,7 +39,7 @@ class PairedScene:
 
 @dataclass(frozen=True)
 class Cell:
-    """Cell of the table: values of its pushes, on the scale of `typical.of_push`.
+    """Cell of the table: values of its pushes, on the scale of `ComparedQuantity.of_push`.
 
     `units` (n,) are names of the pushes, unique in the whole table; `old` and `new` (n,) are their
     values, and `frames` is the number of paired frames. `shared_sigma` is the standard deviation of
@@ -101,7 +100,7 @@ def _of_scene(scene: PairedScene) -> list[Cell]:
             pushes = (
                 values.drop_nulls(stratum)
                 .group_by("method", stratum, "unit")
-                .agg(old=of_push(quantity, old), new=of_push(quantity, new), frames=pl.len())
+                .agg(old=quantity.of_push(old), new=quantity.of_push(new), frames=pl.len())
             )
             parts = pushes.sort("method", stratum, "unit").partition_by(
                 "method", stratum, as_dict=True

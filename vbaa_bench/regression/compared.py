@@ -3,6 +3,13 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
+import numpy as np
+import polars as pl
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.dataset.column import unit
+from vbaa_bench.scoring.statistics import MAY_BE_CONSISTENT
+
 # Chosen: half of the smallest change that must be found, 2 %. Smaller ones come from rounding,
 # other compilers and the four digits of a baseline.
 LEAST_RELATIVE_CHANGE: Final = 0.01
@@ -11,9 +18,11 @@ LEAST_RELATIVE_CHANGE: Final = 0.01
 LEAST_RELATIVE_CHANGE_OF_TIME: Final = 0.15
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ComparedQuantity:
     """Quantity that is compared frame by frame; `column` is its column in runs and baselines.
+
+    `value` computes it from the scores with the beam's `length_mm`; None: it is one of the scores.
 
     `kind` is "magnitude" for errors, stated standard deviations and times, of which a push has a
     root mean square and whose changes are ratios; or "rate" for a condition that each frame meets
@@ -27,9 +36,9 @@ class ComparedQuantity:
 
     column: str
     label: str
-    unit: str
     tolerance: float
     shared_sigma: float
+    value: pl.Expr | None = None
     kind: Literal["magnitude", "rate"] = "magnitude"
     least_relative: float = LEAST_RELATIVE_CHANGE
 
@@ -37,6 +46,31 @@ class ComparedQuantity:
     def larger_is_worse(self) -> bool:
         """Whether an increase is a deterioration: true of magnitudes, false of rates."""
         return self.kind == "magnitude"
+
+    @property
+    def unit(self) -> str:
+        """The unit of its values and of `tolerance`."""
+        return unit(self.column)
+
+    def of_frames(self) -> pl.Expr:
+        """Return its values of the frames of all methods, to four digits."""
+        value = pl.col(self.column) if self.value is None else self.value
+        return value.cast(pl.Float64).round_sig_figs(4).alias(self.column)
+
+    def of_push(self, column: str) -> pl.Expr:
+        """Aggregate the frames of a push, on the scale on which changes are differences.
+
+        This is the logarithm of the root mean square of a magnitude, or the mean of a rate. The
+        tolerance is added to the squares: errors far below it are equal, and none is zero.
+        """
+        if self.kind == "rate":
+            return pl.col(column).mean()
+        return (pl.col(column).pow(2).mean() + self.tolerance**2).log() / 2
+
+    def of_set(self, push_values: Floats) -> float:
+        """Average values of `of_push` (n,): the geometric mean of magnitudes, the mean of rates."""
+        mean = float(np.mean(push_values))
+        return mean if self.kind == "rate" else float(np.exp(mean))
 
 
 # 0.24 um on the paper's beam of 240 mm: half a wavelength of green light, which no image of a
@@ -63,34 +97,48 @@ _SHARED_RATE_PCT: Final = 5.0
 _SHARED_TIME: Final = 0.05
 
 COMPARED: Final = (
-    ComparedQuantity("x_c_error_pct_L", "x_c error", "% of L", _LENGTH_PCT_L, _SHARED_ERROR),
-    ComparedQuantity("s_c_error_pct_L", "s_c error", "% of L", _LENGTH_PCT_L, _SHARED_ERROR),
-    ComparedQuantity("force_error_pct", "force error", "%", _FORCE_PCT, _SHARED_ERROR),
-    ComparedQuantity("psi_error_deg", "psi error", "deg", _ANGLE_DEG, _SHARED_ERROR),
-    ComparedQuantity("compliance_error_pct", "1/k_s error", "%", _COMPLIANCE_PCT, _SHARED_ERROR),
+    ComparedQuantity("x_c_error_pct_L", "x_c error", _LENGTH_PCT_L, _SHARED_ERROR),
+    ComparedQuantity("s_c_error_pct_L", "s_c error", _LENGTH_PCT_L, _SHARED_ERROR),
+    ComparedQuantity("force_error_pct", "force error", _FORCE_PCT, _SHARED_ERROR),
+    ComparedQuantity("psi_error_deg", "psi error", _ANGLE_DEG, _SHARED_ERROR),
+    ComparedQuantity("compliance_error_pct", "1/k_s error", _COMPLIANCE_PCT, _SHARED_ERROR),
     ComparedQuantity(
         "rigid_compliance_error_mm_per_n",
         "1/k_s error, rigid object",
-        "mm/N",
         _COMPLIANCE_MM_PER_N,
         _SHARED_ERROR,
+        pl.when(pl.col("k_s_n_m").is_null()).then("compliance_error_mm_per_n"),
+    ),
+    ComparedQuantity("motor_angle_error_deg", "motor angle error", _ANGLE_DEG, _SHARED_ERROR),
+    ComparedQuantity(
+        "x_c_sigma_pct_L",
+        "x_c stated sigma",
+        _LENGTH_PCT_L,
+        _SHARED_SIGMA,
+        100 * pl.col("x_c_sigma_mm") / pl.col("length_mm"),
     ),
     ComparedQuantity(
-        "motor_angle_error_deg", "motor angle error", "deg", _ANGLE_DEG, _SHARED_ERROR
+        "answered_pct",
+        "frames answered",
+        _RATE_PCT,
+        _SHARED_RATE_PCT,
+        pl.when("failed").then(0.0).otherwise(100.0),
+        kind="rate",
     ),
-    ComparedQuantity("x_c_sigma_pct_L", "x_c stated sigma", "% of L", _LENGTH_PCT_L, _SHARED_SIGMA),
     ComparedQuantity(
-        "answered_pct", "frames answered", "%", _RATE_PCT, _SHARED_RATE_PCT, kind="rate"
-    ),
-    ComparedQuantity(
-        "consistent_pct", "frames consistent", "%", _RATE_PCT, _SHARED_RATE_PCT, kind="rate"
+        "consistent_pct",
+        "frames consistent",
+        _RATE_PCT,
+        _SHARED_RATE_PCT,
+        pl.when(MAY_BE_CONSISTENT.over("method")).then(100 * pl.col("consistent").cast(pl.Float64)),
+        kind="rate",
     ),
     ComparedQuantity(
         "time_over_reference",
         "time / reference kernel",
-        "",
         0.0,
         _SHARED_TIME,
+        pl.col("processor_ms") / pl.when(pl.col("reference_ms") > 0).then("reference_ms"),
         least_relative=LEAST_RELATIVE_CHANGE_OF_TIME,
     ),
 )

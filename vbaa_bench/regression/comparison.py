@@ -16,7 +16,6 @@ from vbaa_bench.regression.compared import TIME, ComparedQuantity
 from vbaa_bench.regression.pairing import pair
 from vbaa_bench.regression.scored_run import ScoredRun, read_run
 from vbaa_bench.regression.swaps import FALSE_ALARM, swap_test
-from vbaa_bench.regression.typical import of_set
 from vbaa_bench.scoring.strata import ALL
 
 Verdict = Literal["worse", "better", "not distinguishable", "same"]
@@ -175,7 +174,7 @@ def _tested(listed: list[Cell], share: float) -> list[Change]:
 
 def _change(cell: Cell, p: float, smallest: float) -> Change:
     quantity = cell.quantity
-    old, new = of_set(quantity, cell.old), of_set(quantity, cell.new)
+    old, new = quantity.of_set(cell.old), quantity.of_set(cell.new)
     least = _least_change(quantity, old)
     smallest = _in_unit(quantity, smallest, old)
     verdict: Verdict
@@ -202,7 +201,7 @@ def _change(cell: Cell, p: float, smallest: float) -> Change:
 
 
 def _in_unit(quantity: ComparedQuantity, change: float, old: float) -> float:
-    """Convert a change on the scale of `typical.of_push` to one of `old`, in a quantity's unit."""
+    """Convert a change on the scale of `of_push` to one of `old`, in a quantity's unit."""
     if quantity.kind == "rate":
         return change
     return old * float(np.expm1(min(change, 100.0))) if change < np.inf else np.inf

@@ -135,22 +135,8 @@ def _image_hashes(layout: Layout) -> str:
 
 def _compact(frames: pl.DataFrame) -> pl.DataFrame:
     """Select the compared values, rounded to four digits, and the true parameters to six."""
-    stated = pl.col("x_c_sigma_mm").is_not_null().any() | pl.col("x_c_error_mm").is_null().all()
-    timed = {"processor_ms", "reference_ms"} <= set(frames.columns)
-    reference = pl.when(pl.col("reference_ms") > 0).then("reference_ms")
-    ratio = pl.col("processor_ms") / reference if timed else pl.lit(None)
-    rigid = pl.col("k_s_n_m").is_null()
-    values = {
-        **{q.column: pl.col(q.column) for q in COMPARED if q.column in frames.columns},
-        "rigid_compliance_error_mm_per_n": pl.when(rigid).then("compliance_error_mm_per_n"),
-        "x_c_sigma_pct_L": 100 * pl.col("x_c_sigma_mm") / pl.col("length_mm"),
-        "answered_pct": pl.when("failed").then(0.0).otherwise(100.0),
-        # As in the summary, a method that states no sigma cannot be consistent or not.
-        "consistent_pct": pl.when(stated.over("method")).then(
-            100 * pl.col("consistent").cast(pl.Float64)
-        ),
-        "time_over_reference": ratio,
-    }
+    if "reference_ms" not in frames.columns:  # runs of older versions
+        frames = frames.with_columns(reference_ms=pl.lit(None, pl.Float64))
     return frames.select(
         *PLACE,
         "push_id",
@@ -158,5 +144,5 @@ def _compact(frames: pl.DataFrame) -> pl.DataFrame:
         *(pl.col(name).cast(pl.Float64).round_sig_figs(6) for name in NUMBERS),
         "method",
         "outcome",
-        *(values[q.column].cast(pl.Float64).round_sig_figs(4).alias(q.column) for q in COMPARED),
+        *(quantity.of_frames() for quantity in COMPARED),
     ).sort(*PLACE, maintain_order=True)

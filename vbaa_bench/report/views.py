@@ -13,6 +13,7 @@ from vbaa_bench.report.heat_map import Bins, HeatMap, heat_maps
 from vbaa_bench.report.method_statistics import MethodStatistics, method_statistics
 from vbaa_bench.report.outcomes import OutcomeTable, messages, outcomes
 from vbaa_bench.report.palette import Style
+from vbaa_bench.scoring.statistics import SUMMARY
 from vbaa_bench.scoring.strata import Stratum
 
 
@@ -54,10 +55,9 @@ class View:
 
 def by_error(scores: pl.DataFrame) -> list[str]:
     """List the methods, the smallest median error of x_c first, those without an error last."""
-    table = scores.group_by("method", maintain_order=True).agg(
-        pl.col("x_c_error_pct_L").abs().median()
-    )
-    return table.sort("x_c_error_pct_L", nulls_last=True, maintain_order=True)["method"].to_list()
+    error = SUMMARY["x_c_median_abs_pct_L"].expression
+    table = scores.group_by("method", maintain_order=True).agg(error=error)
+    return table.sort("error", nulls_last=True, maintain_order=True)["method"].to_list()
 
 
 def views(

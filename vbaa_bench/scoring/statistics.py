@@ -185,13 +185,10 @@ _SECOND_STATED: Final = pl.col(SECOND_S_C.column).is_not_null()
 _SECOND_TRUE: Final = pl.col(SECOND_S_C.truth).is_not_null()
 _RIGID: Final = _TOUCHED & pl.col("k_s_n_m").is_null()
 
-CONSISTENT: Final = Statistic(
-    "share of frames that are consistent or rightly refused",
-    MEAN,
-    pl.col("consistent"),
-    # A method that states no sigma of x_c is neither consistent nor inconsistent.
-    defined=pl.col(X_C.error).is_null().all()
-    | pl.col(X_C.sigma).filter(pl.col(X_C.error).is_not_null()).is_not_null().any(),
+# A method that estimates x_c without any sigma is neither consistent nor inconsistent.
+MAY_BE_CONSISTENT: Final = (
+    pl.col(X_C.error).is_null().all()
+    | (pl.col(X_C.error).is_not_null() & pl.col(X_C.sigma).is_not_null()).any()
 )
 
 
@@ -274,7 +271,12 @@ SUMMARY: Final = {
         "share of frames refused rightly", MEAN, pl.col("rightly_refused")
     ),
     "crashed_rate": Statistic("share of frames without any prediction", MEAN, pl.col("crashed")),
-    "consistent_rate": CONSISTENT,
+    "consistent_rate": Statistic(
+        "share of frames that are consistent or rightly refused",
+        MEAN,
+        pl.col("consistent"),
+        defined=MAY_BE_CONSISTENT,
+    ),
     "false_contact_rate": Statistic(
         "share of the frames without contact in which one is stated",
         MEAN,

@@ -11,10 +11,7 @@ from tests.vbaa_bench.exports.test_formats import exported
 from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
 from vbaa_bench.exports import croissant
 from vbaa_bench.exports.croissant import document_errors, write_croissant
-from vbaa_bench.exports.croissant_task import METRICS
 from vbaa_bench.exports.source import open_source
-
-SCORING = Path(__file__).parents[3] / "vbaa_bench" / "scoring"
 
 
 def test_a_document_lists_files_with_sha256_and_fields_with_units(tmp_path: Path) -> None:
@@ -72,8 +69,3 @@ def test_a_hugging_face_export_has_a_document_of_its_own(tmp_path: Path) -> None
     assert task["cr:input"]["@id"] == "croissant.json"
     answer = {field["name"] for field in task["cr:output"]["cr:schema"]["field"]}
     assert {"frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n"} <= answer
-
-
-def test_metrics_of_the_task_are_those_of_the_scoring() -> None:
-    code = "".join(path.read_text(encoding="utf-8") for path in SCORING.glob("*.py"))
-    assert [name for name, _, _ in METRICS if f'"{name}"' not in code] == []

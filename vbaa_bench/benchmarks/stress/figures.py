@@ -9,6 +9,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.benchmarks.stress.rig_results import FrameResult, RigResult
 from vbaa_bench.benchmarks.stress.rows import Targets
+from vbaa_bench.scoring.statistics import MEDIAN, RMS
 
 # Chosen: the interval limits then scatter by a few per cent of its width.
 RESAMPLES: Final = 1000
@@ -78,12 +79,12 @@ def _percentage(flags: Floats) -> float:
 
 def _rms(values: Floats) -> float:
     finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if len(finite) else np.nan
+    return RMS.of(finite) if len(finite) else np.nan
 
 
 def _median(values: Floats) -> float:
     finite = np.abs(values[np.isfinite(values)])
-    return float(np.median(finite)) if len(finite) else np.nan
+    return MEDIAN.of(finite) if len(finite) else np.nan
 
 
 _FIGURES: Final[dict[str, Callable[[Floats], float]]] = {
