@@ -17,10 +17,10 @@ from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.applicable import applicable
 from vbaa_bench.scoring.child import MAX_FRAME_S, MEMORY_GB, Job, MethodRun, solve_each
-from vbaa_bench.scoring.collection import score_rigs, solve_rigs
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, run_name
 from vbaa_bench.scoring.score import read_scores, with_own
 from vbaa_bench.scoring.score import score as write_scores
+from vbaa_bench.scoring.scored_collection import score_rigs, solve_rigs
 from vbaa_bench.workers.resources import cores
 
 # Name that selects all methods of the solver.

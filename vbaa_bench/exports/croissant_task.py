@@ -8,7 +8,7 @@ from typing import Final
 
 from vbaa_bench.dataset.column import unit
 from vbaa_bench.exports.croissant_document import CONTEXT, Node
-from vbaa_bench.scoring.columns import PREDICTIONS
+from vbaa_bench.scoring.score_columns import PREDICTIONS
 from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.statistics import SUMMARY, error_statistics
 

@@ -9,7 +9,7 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.regression.compared import COMPARED, TIME, ComparedQuantity
-from vbaa_bench.regression.swaps import Changes
+from vbaa_bench.regression.permutation_test import Changes
 from vbaa_bench.scoring.strata import ALL, compared_strata
 
 ALL_SCENES: Final = "all scenes"

@@ -14,8 +14,8 @@ from vbaa_bench.regression.baseline import check_same_scene, read_baseline
 from vbaa_bench.regression.cells import Cell, PairedScene, cells, changes
 from vbaa_bench.regression.compared import TIME, ComparedQuantity
 from vbaa_bench.regression.pairing import pair
+from vbaa_bench.regression.permutation_test import FALSE_ALARM, swap_test
 from vbaa_bench.regression.scored_run import ScoredRun, read_run
-from vbaa_bench.regression.swaps import FALSE_ALARM, swap_test
 from vbaa_bench.scoring.strata import ALL
 
 Verdict = Literal["worse", "better", "not distinguishable", "same"]
@@ -123,8 +123,8 @@ def pairs_of(run: Path, baseline: Path) -> list[RunAndBaseline]:
 def compare(pairs: Sequence[RunAndBaseline]) -> Comparison:
     """Compare scored runs with their baselines, as one table with one rate of false alarms.
 
-    A change is reported if it is significant, see `swaps`, and not below the tolerance of its
-    quantity, see `compared`. Raises InputError if nothing can be compared.
+    A change is reported if it is significant, see `permutation_test`, and not below the tolerance
+    of its quantity, see `compared`. Raises InputError if nothing can be compared.
     """
     scenes, notes = dict[str, PairedScene](), list[str]()
     for run, path in pairs:

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from vbaa_bench.dataset.column import Column, markdown, unit
 from vbaa_bench.dataset.columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
-from vbaa_bench.scoring.columns import FACTORS, LIMITS, PREDICTIONS, SCORES, STRATA_TABLE
+from vbaa_bench.scoring.score_columns import FACTORS, LIMITS, PREDICTIONS, SCORES, STRATA_TABLE
 
 
 class Section(NamedTuple):

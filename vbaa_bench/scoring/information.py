@@ -8,7 +8,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.dataset.derived import LIMITS, read_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.table_schema import LARGEST, checked
-from vbaa_bench.scoring.columns import LIMIT_SCHEMA
+from vbaa_bench.scoring.score_columns import LIMIT_SCHEMA
 from vbaa_bench.scoring.scored_quantities import LIMITED
 
 # The set of each method of the solver. Others use "image", unless they declare another one.

@@ -17,7 +17,6 @@ from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
 from vbaa_bench.dataset.table_schema import checked
-from vbaa_bench.scoring.columns import SCORE_SCHEMA
 from vbaa_bench.scoring.information import scored_limits
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import (
@@ -28,6 +27,7 @@ from vbaa_bench.scoring.metrics import (
     true_frames,
 )
 from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
+from vbaa_bench.scoring.score_columns import SCORE_SCHEMA
 from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import summarise
 

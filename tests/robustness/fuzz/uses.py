@@ -16,14 +16,14 @@ from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.comparison import compare as compare_runs
 from vbaa_bench.regression.comparison import pairs_of
 from vbaa_bench.regression.scored_run import read_run
-from vbaa_bench.report.collection import collection_report
+from vbaa_bench.report.collection_report import collection_report
 from vbaa_bench.report.console import show_scores
 from vbaa_bench.report.report import report as write_report
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.collection import score_rigs
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score as write_scores
 from vbaa_bench.scoring.score import with_own
+from vbaa_bench.scoring.scored_collection import score_rigs
 from vbaa_bench.scoring.tables import FORMATS
 
 

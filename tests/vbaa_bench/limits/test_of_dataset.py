@@ -12,7 +12,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.limits.of_dataset import limits_of_dataset
 from vbaa_bench.limits.table import SCHEMA
-from vbaa_bench.scoring.columns import LIMITS
+from vbaa_bench.scoring.score_columns import LIMITS
 
 
 def test_limits_are_stored_beside_the_truth_and_belong_to_it(

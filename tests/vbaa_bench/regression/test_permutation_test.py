@@ -6,7 +6,7 @@ from scipy.stats import binom
 
 from solver.instrument.arrays import Floats
 from tests.draws import generator
-from vbaa_bench.regression.swaps import FALSE_ALARM, Changes, swap_test
+from vbaa_bench.regression.permutation_test import FALSE_ALARM, Changes, swap_test
 
 TABLES = 200
 # More alarms than these are raised once in a million runs.
