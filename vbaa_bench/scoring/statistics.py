@@ -165,7 +165,7 @@ def error_statistics(quantity: ScoredQuantity) -> dict[str, Statistic]:
             pl.col(quantity.sigma),
             where=stated,
             over=Statistic("", RMS, error, where=stated),
-            null="no sigma is stated",
+            null="no sigma is stated, or all errors are 0",
         ),
     }
 
@@ -200,6 +200,10 @@ def _median(column: str, meaning: str) -> Statistic:
     return Statistic(f"median absolute {meaning}", MEDIAN, pl.col(column).abs())
 
 
+# Computed scores with a heading, by the name of the figure that tables and reports show.
+_HEADED: Final = {
+    name.replace("_error", "_rmse"): name for name, score in COMPUTED.items() if score.heading
+}
 # The figures of a method in the summary, of all its frames.
 SUMMARY: Final = {
     "x_c_rmse_pct_L": _rms("x_c_error_pct_L", "error of the contact distance"),
@@ -253,8 +257,12 @@ SUMMARY: Final = {
         "error of 1/k_s of rigid objects at the end of a push",
         _RIGID & pl.col("last_step"),
     ),
-    "contact_antenna_rmse_mm": _rms("contact_antenna_vector_error_mm", "error of the contact"),
-    "contact_world_rmse_mm": _rms("contact_world_vector_error_mm", "the same in Sigma_o"),
+    "contact_antenna_rmse_mm": _rms(
+        "contact_antenna_vector_error_mm", "error of the contact in Sigma_a"
+    ),
+    "contact_world_rmse_mm": _rms(
+        "contact_world_vector_error_mm", "error of the contact in Sigma_o"
+    ),
     "force_vector_rmse_n": _rms("force_vector_error_n", "error of the force as a vector"),
     **{
         f"{quantity.name}_{name}": error_statistics(quantity)[name]
@@ -296,18 +304,10 @@ SUMMARY: Final = {
     "ms_per_frame_p05": TIMES["ms_p05"],
     "ms_per_frame_p95": TIMES["ms_p95"],
     "n": Statistic("frames", COUNT, _FRAME),
-    **{
-        name.replace("_error", "_rmse"): _rms(name, score.column.meaning)
-        for name, score in COMPUTED.items()
-        if score.heading
-    },
+    **{figure: _rms(name, COMPUTED[name].column.meaning) for figure, name in _HEADED.items()},
 }
-# Headings of the figures of those computed scores that have one.
-HEADINGS: Final = {
-    name.replace("_error", "_rmse"): score.heading
-    for name, score in COMPUTED.items()
-    if score.heading
-}
+# Headings of the figures of these scores.
+HEADINGS: Final = {figure: COMPUTED[name].heading for figure, name in _HEADED.items()}
 
 # The figures of a method in the report, by the names of `MethodStatistics`.
 REPORTED: Final = {

@@ -68,10 +68,11 @@ def _stratum_rows(
         *(time.expression.alias(name) for name, time in TIMES.items()),
         *(e for q in quantities for e in _figures(q, statistics[q.name])),
     )
+    sums_of = {name: _sums(of_quantity) for name, of_quantity in statistics.items()}
     sums = rows.group_by("_value", "_group", maintain_order=True).agg(
         total.alias(f"{name} {of}")
-        for name, of_quantity in statistics.items()
-        for of, total in _sums(of_quantity).items()
+        for name, expressions in sums_of.items()
+        for of, total in expressions.items()
     )
     for facts in sorted(figures.to_dicts(), key=lambda row: class_order(row["_value"])):
         of_value = sums.filter(pl.col("_value") == facts["_value"])
@@ -80,8 +81,7 @@ def _stratum_rows(
         for quantity in quantities:
             if not facts[f"{quantity.name} answered"]:
                 continue
-            of_quantity = statistics[quantity.name]
-            names = list(_sums(of_quantity))
+            names = list(sums_of[quantity.name])
             table = of_value.select(f"{quantity.name} {name}" for name in names).to_numpy()
             totals = dict(zip(names, table.sum(axis=0), strict=True))
             drawn = None
@@ -92,7 +92,7 @@ def _stratum_rows(
                 "quantity": quantity.column,
                 **{name: facts[name] for name in ("frames", *_COUNTS)},
                 **{name: facts[f"{quantity.name} {name}"] for name in _OF_ERRORS},
-                **_averages(of_quantity, totals, drawn),
+                **_averages(statistics[quantity.name], totals, drawn),
                 "sigma_over_rmse": facts[f"{quantity.name} sigma_over_rmse"],
                 **{name: facts[name] for name in TIMES},
             }
