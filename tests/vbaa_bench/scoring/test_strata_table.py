@@ -17,7 +17,8 @@ from vbaa_bench.scoring.efficiency import efficiency, share_of_information
 from vbaa_bench.scoring.information import information_of, scored_limits
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames, true_frames
 from vbaa_bench.scoring.score_columns import LIMITS
-from vbaa_bench.scoring.strata_table import ALL, strata_rows
+from vbaa_bench.scoring.strata import ALL
+from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import summarise, summarise_method
 
 
