@@ -23,8 +23,9 @@ FLOORS: dict[str, list[set[str]]] = {
         {"generation"},
         {"assembly"},
         {"render", "sensor", "workers"},
-        {"geometry", "dataset"},
-        {"scene", "mechanics"},
+        {"dataset"},
+        {"scene"},
+        {"geometry", "mechanics"},
     ],
     "solver": [
         {"__init__", "__main__"},

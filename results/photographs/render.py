@@ -11,9 +11,9 @@ from results.pictures.outside_render import ColouredBody, coloured_world
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from vbaa_bench.render.camera import sensor_dict
-from vbaa_bench.render.lights import Light
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.surface import RenderUnit
+from vbaa_bench.scene.lights.emitter import Emitter
 
 # Light goes from a lamp over one further surface to the camera.
 _DEPTH = 3
@@ -25,7 +25,7 @@ _BORDER_PX = 8
 
 def photographed(
     bodies: Mapping[str, ColouredBody],
-    lights: Sequence[Light],
+    lights: Sequence[Emitter],
     camera: Camera,
     unit: RenderUnit,
     passes: int,

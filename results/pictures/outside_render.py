@@ -8,10 +8,11 @@ import mitsuba as mi
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.render.lights import Ambient, Environment, Light, emitter
+from vbaa_bench.render.lights import emitter
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.surface import RenderUnit, Surface, mitsuba_mesh
+from vbaa_bench.scene.lights.emitter import Emitter
 
 Colour = tuple[float, float, float]
 
@@ -42,7 +43,7 @@ class ColouredBody:
 
 def picture(
     bodies: Mapping[str, ColouredBody],
-    lights: Sequence[Light],
+    lights: Sequence[Emitter],
     viewpoint: Viewpoint,
     unit: RenderUnit,
     size: tuple[int, int],
@@ -54,7 +55,7 @@ def picture(
     the lights.
     """
     world = coloured_world(bodies, lights, unit)
-    if not any(isinstance(light, Environment | Ambient) for light in lights):
+    if all(light.extent() is not None for light in lights):
         room = {"type": "rgb", "value": [level / np.pi for level in _ROOM]}
         world["room"] = {"type": "constant", "radiance": room}
     world["sensor"] = _sensor(viewpoint, unit, size)
@@ -64,7 +65,7 @@ def picture(
 
 
 def coloured_world(
-    bodies: Mapping[str, ColouredBody], lights: Sequence[Light], unit: RenderUnit
+    bodies: Mapping[str, ColouredBody], lights: Sequence[Emitter], unit: RenderUnit
 ) -> dict[str, Any]:
     """Return Mitsuba's description of coloured bodies and lights, without sensor and integrator."""
     matrix = unit.render_from_antenna

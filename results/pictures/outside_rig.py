@@ -12,10 +12,10 @@ from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.geometry import lamps
+from vbaa_bench.geometry import sheets
 from vbaa_bench.geometry.solids import box, rod, together, turned
-from vbaa_bench.render.lights import Lamp, Light
 from vbaa_bench.render.surface import Surface
+from vbaa_bench.scene.lights.emitter import Emitter
 
 # Colours by the names of surfaces; all are chosen by eye.
 _COLOURS: Final[dict[str, Colour]] = {
@@ -49,7 +49,7 @@ _RIM, _DEPTH, _BEHIND = 0.05, 0.10, 0.02
 
 
 def rig_bodies(
-    assembler: SceneAssembler, surfaces: dict[str, Surface], lights: Sequence[Light]
+    assembler: SceneAssembler, surfaces: dict[str, Surface], lights: Sequence[Emitter]
 ) -> dict[str, ColouredBody]:
     """Colour the surfaces of a frame, and add the bodies around them, in Sigma_a [m]."""
     length = assembler.rig.beam.length
@@ -65,8 +65,9 @@ def rig_bodies(
     bodies["stand"] = _new(stand, _STEEL, "bare", 0.25)
     bodies["motor"] = _new(_motor(assembler, length, ground), _STEEL, "gloss")
     for number, light in enumerate(lights):
-        if isinstance(light, Lamp) and light.mesh.vertices[:, 2].min() > 0:
-            housing = _housing(light.mesh, length, ground)
+        lamp = light.sheet
+        if lamp is not None and lamp.mesh.vertices[:, 2].min() > 0:
+            housing = _housing(lamp.mesh, length, ground)
             bodies[f"housing_{number}"] = _new(housing, _HOUSING, "matt")
     return bodies
 
@@ -159,7 +160,7 @@ def _housing(panel: trimesh.Trimesh, length: float, ground: float) -> trimesh.Tr
     corners = np.asarray(panel.vertices)
     middle = corners.mean(axis=0)
     normal = np.asarray(panel.face_normals)[0]
-    first, second, ahead = lamps.axes(normal, corners[1 % len(corners)] - corners[0])
+    first, second, ahead = sheets.axes(normal, corners[1 % len(corners)] - corners[0])
     frame = np.column_stack([first, second, ahead])
     half = np.abs((corners - middle) @ frame).max(axis=0)[:2] + _RIM * length
     body = box(np.array([*-half, -_DEPTH * length]), np.array([*half, -_BEHIND * length]))

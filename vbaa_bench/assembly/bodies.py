@@ -12,9 +12,9 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, rigid, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.assembly.mesh_file import read_mesh, touching
 from vbaa_bench.dataset.scene_files import FileVersion, file_version, read_version
 from vbaa_bench.geometry import objects
-from vbaa_bench.geometry.mesh_file import read_mesh, touching
 from vbaa_bench.geometry.weight import weight
 from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid, Surface, ball, upright
 from vbaa_bench.scene.objects import (

@@ -11,8 +11,8 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.bodies import Body
+from vbaa_bench.assembly.ground_view import view_of_ground
 from vbaa_bench.geometry.clutter import Room, Sector, places, thing
-from vbaa_bench.geometry.ground import view_of_ground
 from vbaa_bench.geometry.solids import together
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.surface import Surface

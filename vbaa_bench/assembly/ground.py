@@ -13,9 +13,9 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.assembly.ground_view import chequered_side, edge_side, edged_sheet
 from vbaa_bench.geometry.board import squares
-from vbaa_bench.geometry.ground import chequered_side, edge_side, edged_sheet
-from vbaa_bench.geometry.objects import sheet
+from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.surface import Surface

@@ -28,12 +28,12 @@ from vbaa_bench.geometry.box_mapping import unshared
 from vbaa_bench.geometry.objects import adaptor, hub
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.random_streams import random_generator
@@ -243,13 +243,13 @@ class SceneAssembler:
         return beam_texture(self.scene, self.rig, self.dirt)
 
     @cached_property
-    def _lights(self) -> list[Light]:
+    def _lights(self) -> list[Emitter]:
         return lights(self.scene, self.folder)
 
     def _world(
         self,
         surfaces: dict[str, Surface],
-        lamps: list[Light] | None = None,
+        lamps: list[Emitter] | None = None,
         printed: PrintedEdges | None = None,
     ) -> World:
         optics = self.scene.optics

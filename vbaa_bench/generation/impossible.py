@@ -10,15 +10,13 @@ from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.ground_view import MAX_SQUARES, RESOLVED_PX, finest_square
+from vbaa_bench.assembly.mesh_file import check_mesh
 from vbaa_bench.dataset.scene_files import read_file
-from vbaa_bench.geometry.ground import MAX_SQUARES, RESOLVED_PX, finest_square
-from vbaa_bench.geometry.lamps import between
-from vbaa_bench.geometry.mesh_file import check_mesh
+from vbaa_bench.geometry.sheets import between
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.image_files import read_surface_image
-from vbaa_bench.render.lights import Lamp
+from vbaa_bench.render.image_files import read_environment, read_surface_image
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.mistakes import Key
@@ -146,7 +144,7 @@ class Extremes:
                 "is between the camera and the beam or the board, allowed is out of its view",
             )
             for number, light in enumerate(lamps)
-            if isinstance(light, Lamp) and between(light.mesh, starts, ends).any()
+            if light.sheet is not None and between(light.sheet.mesh, starts, ends).any()
         ]
 
 

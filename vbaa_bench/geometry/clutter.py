@@ -9,7 +9,6 @@ from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, turn_about_z
 from vbaa_bench.geometry.solids import box, turned
 from vbaa_bench.geometry.tube import tube
-from vbaa_bench.scene.clutter import Thing
 
 _SIDES = 48
 _CABLE_POINTS, _CABLE_SIDES = 80, 16
@@ -78,7 +77,7 @@ def places(room: Room, radii: Floats, random: np.random.Generator) -> Floats:
     return drawn
 
 
-def thing(kind: Thing, size: float, height: float, random: np.random.Generator) -> trimesh.Trimesh:
+def thing(kind: str, size: float, height: float, random: np.random.Generator) -> trimesh.Trimesh:
     """Mesh a thing whose largest side is about `size`, lying on z = 0 about the origin.
 
     It has a random heading and proportions, and is shrunk if it is higher than `height`.

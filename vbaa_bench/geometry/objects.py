@@ -210,11 +210,3 @@ def hub(radius: float, bottom: float, top: float) -> trimesh.Trimesh:
     """Mesh the motor's hub: an upright cylinder about the z axis [m]."""
     outline = arc(radius, 2 * np.pi * np.arange(64) / 64) + np.array([0.0, radius])
     return prism(outline, bottom, top)
-
-
-def sheet(middle: Floats, side: float, facing: int) -> trimesh.Trimesh:
-    """Mesh a square sheet across the z axis about `middle` (3,) [m], facing +z or -z (+1, -1)."""
-    half = side / 2
-    corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    return trimesh.Trimesh(corners + middle, faces[:, ::facing], process=False)

@@ -14,15 +14,15 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.units import MILLIMETRE, PERCENT
-from vbaa_bench.geometry.lamps import between
+from vbaa_bench.geometry.sheets import between
 from vbaa_bench.limits.dirt import Dirt, dirt_of
 from vbaa_bench.limits.profile import SurfaceProfile, gray_profile
 from vbaa_bench.limits.section import visible_side
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.lights import Lamp, Light
 from vbaa_bench.render.reflection import Reflection
 from vbaa_bench.render.surface import RenderUnit
+from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
@@ -107,11 +107,11 @@ class LitBeam:
         sheet = PaintedPart(reflectance=self._ground_reflectance)
         up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
         radiance = self._reflection.radiance(sheet, ground, up, -back)
-        for light in self._lights:
-            if isinstance(light, Lamp):
-                seen = between(light.mesh, points, ground)
-                faces = np.asarray(light.mesh.face_normals).mean(axis=0)
-                radiance = np.where(seen & (back @ faces < 0), light.radiance, radiance)
+        sheets = (light.sheet for light in self._lights)
+        for lamp in (sheet for sheet in sheets if sheet is not None):
+            seen = between(lamp.mesh, points, ground)
+            faces = np.asarray(lamp.mesh.face_normals).mean(axis=0)
+            radiance = np.where(seen & (back @ faces < 0), lamp.radiance, radiance)
         return radiance
 
     def peak_radiance(self, rod: Rod, camera: Camera, at_rest: BeamPlaces) -> float:
@@ -169,7 +169,7 @@ class LitBeam:
         return dirt_of(self.scene, self.rig, _OFFSETS)
 
     @cached_property
-    def _lights(self) -> list[Light]:
+    def _lights(self) -> list[Emitter]:
         return lights(self.scene, self.folder)
 
     @cached_property

@@ -14,7 +14,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
-from vbaa_bench.render.lights import Ambient, Environment, Lamp, Light
+from vbaa_bench.scene.lights.emitter import Emitter
 
 # OpenCV draws with 16-bit integer pixel coordinates.
 _MAX_COORDINATE_PX = 30_000
@@ -98,7 +98,7 @@ class View:
 
 
 def shadows(
-    bodies: Iterable[Floats], lights: Iterable[Light], ground: float
+    bodies: Iterable[Floats], lights: Iterable[Emitter], ground: float
 ) -> list[Floats] | None:
     """Compute hulls of the shadows that bodies cast on the plane z = `ground` [m].
 
@@ -107,11 +107,10 @@ def shadows(
     hulls = []
     boxes = [_box(points) for points in bodies]
     for light in lights:
-        if isinstance(light, Environment | Ambient):
+        extent = light.extent()
+        if extent is None:
             return None
-        lamp = _box(
-            np.asarray(light.mesh.vertices) if isinstance(light, Lamp) else light.position[None]
-        )
+        lamp = _box(extent)
         for box in boxes:
             if lamp[:, 2].max() <= box[:, 2].min():
                 continue  # from below, a shadow falls upward

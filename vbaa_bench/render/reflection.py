@@ -10,10 +10,11 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
 from vbaa_bench.render.device_array import device_array
-from vbaa_bench.render.lights import Light, emitter
+from vbaa_bench.render.lights import emitter
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.variant import is_scalar
+from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.paint import PaintedPart
 
 # Points on a lamp, and directions to the surroundings. Measured on the paper's beam in all scenes
@@ -28,7 +29,7 @@ class Reflection:
     `render_from_antenna` (4, 4) gives render coordinates, in which single precision is enough.
     """
 
-    def __init__(self, lights: Sequence[Light], render_from_antenna: Floats) -> None:
+    def __init__(self, lights: Sequence[Emitter], render_from_antenna: Floats) -> None:
         """Build the lights alone; needs a variant of Mitsuba."""
         self._transform = render_from_antenna
         parts = {

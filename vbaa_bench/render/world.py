@@ -23,13 +23,14 @@ from vbaa_bench.render.affected_pixels import View, pieces
 from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.device_array import device_array
 from vbaa_bench.render.hidden_strip import HiddenStrip
-from vbaa_bench.render.lights import Lamp, Light, emitter, rectangle
+from vbaa_bench.render.lights import emitter, rectangle
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.optics import Lens, Optics
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.silhouette import Silhouette
 from vbaa_bench.render.surface import RenderUnit, Surface, painted_meshes
 from vbaa_bench.render.variant import is_scalar
+from vbaa_bench.scene.lights.emitter import Emitter
 
 # Range of depths for which defocus is computed, as ratios to the depth of focus.
 _NEAR, _FAR = 0.3, 3.0
@@ -71,7 +72,7 @@ class World:
     def __init__(
         self,
         camera: Camera,
-        lights: Light | Sequence[Light],
+        lights: Emitter | Sequence[Emitter],
         surfaces: Mapping[str, Surface],
         unit: RenderUnit,
         *,
@@ -91,7 +92,7 @@ class World:
                 "this Mitsuba variant cannot distort, spread or defocus light: choose another than "
                 "scalar_rgb"
             )
-        self.lights: tuple[Light, ...] = tuple(lights if isinstance(lights, Sequence) else [lights])
+        self.lights = (lights,) if isinstance(lights, Emitter) else tuple(lights)
         self.names = tuple(surfaces)
         self.moving = frozenset(surfaces) - frozenset(still)
         self.sliding = frozenset(sliding or ())
@@ -157,8 +158,8 @@ class World:
         rings = self.unit(sides(self.vertices["beam"], beam.facets))
         for number, light in enumerate(self.lights):
             pose = None
-            if isinstance(light, Lamp):
-                pose = rectangle(light, self.unit.render_from_antenna)
+            if light.sheet is not None:
+                pose = rectangle(light.sheet, self.unit.render_from_antenna)
             strip = None if pose is None else HiddenStrip.of(rings, pose)
             if strip is not None:
                 strips[f"light_{number}"] = strip

@@ -1,31 +1,26 @@
 """Files that a scene names: meshes, images of surfaces, environment maps.
 
-They are found by one walk of the scene's values, of which some may be distributions: every file
-that may be drawn is named.
+The keys of files are marked in the models of a scene. Files are found by one walk of the scene's
+values, of which some may be distributions: every file that may be drawn is named.
 """
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple, get_args
 
-from pydantic import Field
+from pydantic import BaseModel, Field
+from pydantic.fields import FieldInfo
 
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import HASHES
 from vbaa_bench.scene.distributions import Choice, From
+from vbaa_bench.scene.kinds import fields_at, sections
 
 # Longest name, with folders. Chosen: file names can have 255 characters.
 MAX_NAME_LENGTH: Final = 250
 Kind = Literal["mesh", "image", "environment"]
 Key = tuple[str | int, ...]
-# Last two names of a key of a scene that names a file, without the numbers of lists.
-KEYS: Final[Mapping[tuple[str, ...], Kind]] = {
-    ("object", "file"): "mesh",
-    ("texture", "file"): "image",
-    ("background", "image_file"): "image",
-    ("lights", "file"): "environment",
-}
 # Largest files [bytes], by kind. Derived: the largest number of faces in the most verbose format
 # of meshes; the largest allowed image, 8192 x 8192 px, uncompressed, in single precision and with
 # four channels.
@@ -36,13 +31,16 @@ MAX_BYTES: Final[Mapping[Kind, int]] = {
 }
 
 
-class _NamesFile:
-    """Mark of a key of a scene that names a file."""
+class NamesFile(NamedTuple):
+    """Mark of the type of a key that names a file of this kind."""
+
+    kind: Kind
 
 
-NAMES_FILE: Final = _NamesFile()
-# Type of such a key.
-FileName = Annotated[str, Field(min_length=1), NAMES_FILE]
+# Types of such keys.
+MeshName = Annotated[str, Field(min_length=1), NamesFile("mesh")]
+ImageName = Annotated[str, Field(min_length=1), NamesFile("image")]
+EnvironmentName = Annotated[str, Field(min_length=1), NamesFile("environment")]
 
 
 class SceneFileError(InputError):
@@ -79,17 +77,45 @@ def unusable_file() -> Iterator[None]:
         raise SceneFileError(str(error)) from error
 
 
-def named_files(tree: Any) -> tuple[NamedFile, ...]:
-    """List the files that a scene's tree of values names or may draw, each once per kind.
+def named_files(tree: Any, model: type[BaseModel]) -> tuple[NamedFile, ...]:
+    """List the files that the values of a model name or may draw, each once per kind.
 
     Distributions may take the place of values (vbaa_bench/scene/random_keys.py).
     """
-    found: dict[tuple[str, Kind], NamedFile] = {}
-    for key, value in _Walk(tree).leaves(tree, ()):
-        kind = KEYS.get(tuple(part for part in key if isinstance(part, str))[-2:])
-        if kind is not None and isinstance(value, str):
-            found.setdefault((value, kind), NamedFile(key, value, kind))
-    return tuple(found.values())
+    files: dict[tuple[str, Kind], NamedFile] = {}
+    for leaf in leaves(tree, model):
+        kind = next((kind for field in leaf.fields if (kind := _kind_of_file(field))), None)
+        if kind is not None and isinstance(leaf.value, str):
+            files.setdefault((leaf.value, kind), NamedFile(leaf.key, leaf.value, kind))
+    return tuple(files.values())
+
+
+def _kind_of_file(field: FieldInfo) -> Kind | None:
+    """Return the kind of file that a key names, None if it names none."""
+    marks = [*field.metadata, *_parts(field.annotation)]
+    return next((mark.kind for mark in marks if isinstance(mark, NamesFile)), None)
+
+
+def _parts(annotation: Any) -> Iterator[Any]:
+    for part in get_args(annotation):
+        yield part
+        yield from _parts(part)
+
+
+class Leaf(NamedTuple):
+    """A plain value that a scene has or may draw, its key, and the fields that allow it."""
+
+    key: Key
+    value: Any
+    fields: Sequence[FieldInfo]
+
+
+def leaves(tree: Any, model: type[BaseModel]) -> Iterator[Leaf]:
+    """Yield every plain value that the values of a model have or may have.
+
+    Where the kind of a section is not stated, or random, the fields are those of all kinds.
+    """
+    return _Walk(tree).leaves(tree, (), [FieldInfo.from_annotation(model)])
 
 
 class _Walk:
@@ -100,17 +126,18 @@ class _Walk:
         # Keys that values are computed from, which may be computed from each other in some draws.
         self._followed: set[str] = set()
 
-    def leaves(self, node: Any, key: Key) -> Iterator[tuple[Key, Any]]:
+    def leaves(self, node: Any, key: Key, fields: Sequence[FieldInfo]) -> Iterator[Leaf]:
         """Yield every plain value that a part of the tree has or may have, with its key."""
         for value in self._options(node):
             if isinstance(value, Mapping):
+                models = [model for field in fields for model in sections(field)]
                 for name, part in value.items():
-                    yield from self.leaves(part, (*key, name))
+                    yield from self.leaves(part, (*key, name), fields_at(models, value, name))
             elif isinstance(value, tuple):
                 for number, part in enumerate(value):
-                    yield from self.leaves(part, (*key, number))
+                    yield from self.leaves(part, (*key, number), fields)
             else:
-                yield key, value
+                yield Leaf(key, value, fields)
 
     def _options(self, node: Any) -> Iterator[Any]:
         """Yield the values that may be drawn for a node; a value that is not random is its own."""

@@ -77,7 +77,7 @@ class SceneFile:
         if tree is None:
             values = self.scene.model_dump(exclude={"random_keys"})
             tree = with_random_keys(values, self.scene.random_keys)
-        return named_files(tree)
+        return named_files(tree, Scene)
 
     @property
     def is_random(self) -> bool:

@@ -3,12 +3,13 @@
 import difflib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from solver.instrument.errors import quoted, truncated
+from vbaa_bench.scene.kinds import kind_of, sections
 from vbaa_bench.scene.random_keys import DistributionError
 from vbaa_bench.scene.renamed import new_key
 from vbaa_bench.scene.schema import Scene
@@ -54,7 +55,7 @@ def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
             return key, f"is an unknown key; {_hint(key, mistake['loc'])}"
         case "union_tag_invalid" | "union_tag_not_found":
             state = "missing" if kind == "union_tag_not_found" else quoted(value["kind"])
-            allowed = ", ".join(map(_kind, _models(mistake["loc"])))
+            allowed = ", ".join(str(kind_of(model)) for model in _models(mistake["loc"]))
             return (*key, "kind"), f"is {state}, allowed is one of {allowed}"
         case "value_error":
             return key, str(context["error"])
@@ -106,20 +107,9 @@ def _models(location: Sequence[Key]) -> list[type[BaseModel]]:
     for part in location:
         if isinstance(part, int):
             continue
-        matching = [m for m in models if len(models) > 1 and _kind(m) == part]
-        models = matching or _sections(models[0].model_fields[part].annotation)
+        matching = [m for m in models if len(models) > 1 and kind_of(m) == part]
+        models = matching or sections(models[0].model_fields[part])
     return models
-
-
-def _kind(model: type[BaseModel]) -> str:
-    return str(get_args(model.model_fields["kind"].annotation)[0])
-
-
-def _sections(annotation: Any) -> list[type[BaseModel]]:
-    """List the sections that an annotation allows."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for option in get_args(annotation) for model in _sections(option)]
 
 
 def located_message(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:

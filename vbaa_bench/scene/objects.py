@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from vbaa_bench.scene.files import FileName
+from vbaa_bench.scene.files import MeshName
 from vbaa_bench.scene.paint import PaintedPart, TextureSpec
 from vbaa_bench.scene.part import Below, Fraction, NonNegative, Part, Positive, Triple, Turn
 from vbaa_bench.scene.weight import WeightSpec
@@ -130,7 +130,7 @@ class MeshSpec(_ObjectSpec):
     """
 
     kind: Literal["mesh"]
-    file: FileName
+    file: MeshName
     unit_mm: Positive = 1.0
     # Drawn for every push, this is an antenna that is carried about one object: see `carriage`.
     turn_deg: Turn = 0.0

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from vbaa_bench.scene.files import FileName
+from vbaa_bench.scene.files import ImageName
 from vbaa_bench.scene.part import Fraction, Part, Positive
 
 # Matt; painted steel; steel without paint; matt black.
@@ -32,7 +32,7 @@ class ImageTextureSpec(Part):
     """
 
     kind: Literal["image"]
-    file: FileName
+    file: ImageName
     width_mm: Positive = 50
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from vbaa_bench.scene.beam import BeamSpec
-from vbaa_bench.scene.lighting import LightSpec
+from vbaa_bench.scene.lights.soft import LightSpec
 from vbaa_bench.scene.objects import NothingSpec
 from vbaa_bench.scene.push_spec import MAX_FRAMES, PushSpec
 from vbaa_bench.scene.weight import WeightSpec, weight_mistake
@@ -28,21 +28,9 @@ def _lamp_height(scene: "Scene") -> None:
 
 
 def _lamp_positions(scene: "Scene") -> None:
-    ground = scene.background.distance_mm
     for lamp in scene.lights:
-        position = getattr(lamp, "position_mm", None)
-        aim = getattr(lamp, "aim_mm", None) or scene.camera.look_at_mm
-        if position == aim:
-            raise ValueError(
-                f"lights: position_mm is equal to the aim, {list(aim)}, for one of kind "
-                f"{lamp.kind}; allowed is any other position"
-            )
-        if lamp.kind == "back" and lamp.height_above_background_mm >= ground:
-            raise ValueError(
-                "lights: a back panel's height_above_background_mm is "
-                f"{lamp.height_above_background_mm:g}, allowed is less than "
-                f"background.distance_mm, {ground:g}, or it would be above plane C"
-            )
+        if mistake := lamp.mistake(scene.light_setting):
+            raise ValueError(f"lights: {mistake}")
 
 
 def _clamp(scene: "Scene") -> None:
@@ -85,10 +73,8 @@ def _wires(scene: "Scene") -> None:
     below = -scene.background.distance_mm
     if scene.clutter is not None:
         below = scene.clutter.highest_mm(below)
-    for lamp in scene.lights:
-        if lamp.kind == "back":
-            panel = lamp.height_above_background_mm - scene.background.distance_mm
-            below = max(below, panel)
+    panels = (lamp.panel_mm(scene.light_setting) for lamp in scene.lights)
+    below = max([below, *(height for height in panels if height is not None)])
     if wires.lowest_mm <= below:
         raise ValueError(
             f"wires.height_mm begins at {wires.height_mm[0]:g}, so that the lowest point is "

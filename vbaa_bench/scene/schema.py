@@ -19,13 +19,10 @@ from vbaa_bench.scene.laboratory import (
     HubSpec,
     MomentSensorSpec,
 )
-from vbaa_bench.scene.lighting import (
-    AmbientSpec,
-    BackgroundSpec,
-    FlickerSpec,
-    LampSpec,
-    LightSpec,
-)
+from vbaa_bench.scene.lighting import BackgroundSpec, FlickerSpec
+from vbaa_bench.scene.lights.ambient import AmbientSpec
+from vbaa_bench.scene.lights.light import AnyLight, Setting
+from vbaa_bench.scene.lights.soft import LightSpec
 from vbaa_bench.scene.objects import (
     BlockSpec,
     ObjectSpec,
@@ -86,7 +83,7 @@ class Scene(Part):
     calibration: CalibrationSpec = CalibrationSpec()
     light: LightSpec = LightSpec()
     # In place of `light`.
-    lights: tuple[LampSpec, ...] = ()
+    lights: tuple[AnyLight, ...] = ()
     # Light in the frames, relative to the light for which the exposure was metered and in which the
     # board and the beam at rest were photographed.
     light_level: Annotated[float, Field(ge=0.01, le=100)] = 1.0
@@ -115,6 +112,12 @@ class Scene(Part):
         pushes = self.pushes or self.sampling
         assert pushes is not None
         return pushes.motor_angle_at_contact_deg
+
+    @property
+    def light_setting(self) -> Setting:
+        """What the places of lights may refer to."""
+        camera = self.camera
+        return Setting(camera.position_mm, camera.look_at_mm, self.background.distance_mm)
 
     @model_validator(mode="before")
     @classmethod

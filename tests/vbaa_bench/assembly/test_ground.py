@@ -7,7 +7,7 @@ import pytest
 
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.ground import Ground
-from vbaa_bench.geometry.ground import view_of_ground
+from vbaa_bench.assembly.ground_view import view_of_ground
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
 

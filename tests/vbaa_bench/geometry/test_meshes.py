@@ -4,7 +4,8 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Chessboard
 from vbaa_bench.geometry.board import board, squares
-from vbaa_bench.geometry.objects import block, hub, sheet
+from vbaa_bench.geometry.objects import block, hub
+from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, normals, sides, tube
 
 

@@ -8,14 +8,17 @@ import pytest
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
 from tests.draws import scene_seed
-from vbaa_bench.geometry.objects import block, sheet
+from vbaa_bench.geometry.objects import block
+from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.render.affected_pixels import View, shadows
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame, render_static_layer
-from vbaa_bench.render.lights import Environment, Lamp, Light, Spot
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.lights.emitter import Emitter, Lamp
+from vbaa_bench.scene.lights.environment import Environment
+from vbaa_bench.scene.lights.spot import Spot
 
 MIDDLE = np.array([0.12, 0.0, 0.0])
 CAMERA = Camera(
@@ -40,7 +43,7 @@ def _renderer(variant: str) -> None:
         pytest.skip("without wavefronts every pixel is traced")
 
 
-def make_world(camera: Camera, light: Light) -> World:
+def make_world(camera: Camera, light: Emitter) -> World:
     thing = block(0.02, -0.03, 0.03)
     thing.apply_translation(MIDDLE)
     surfaces = {
@@ -52,7 +55,7 @@ def make_world(camera: Camera, light: Light) -> World:
 
 @pytest.mark.parametrize("camera", [CAMERA, DISTORTED], ids=["ideal", "distorted"])
 @pytest.mark.parametrize("light", [LAMP, LOW_LAMP, SPOT], ids=["above", "low", "spot"])
-def test_nothing_changes_out_of_reach(camera: Camera, light: Light) -> None:
+def test_nothing_changes_out_of_reach(camera: Camera, light: Emitter) -> None:
     world = make_world(camera, light)
     target = NoiseTarget(lambda radiance: 0.2 * radiance + 1e-3)
     still = render_static_layer(world, target, scene_seed(1))

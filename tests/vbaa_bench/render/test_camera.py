@@ -15,11 +15,11 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
 from tests.even import REACH_PX, even_picture
-from vbaa_bench.geometry.objects import sheet
-from vbaa_bench.render.lights import Lamp
+from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.variant import PLAIN, activate
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.lights.emitter import Lamp
 
 POINTS = np.array(
     [

@@ -5,7 +5,8 @@ import OpenEXR
 import pytest
 
 from solver.instrument.errors import InputError
-from vbaa_bench.render.environment import plane_irradiance, read_environment, rotated
+from vbaa_bench.render.image_files import read_environment
+from vbaa_bench.scene.lights.environment import plane_irradiance, rotated
 
 
 def write(path: Path, **channels: np.ndarray) -> Path:

@@ -13,16 +13,15 @@ import trimesh
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE, beam, world_before
-from vbaa_bench.geometry.lamps import rectangle
-from vbaa_bench.geometry.objects import sheet
+from vbaa_bench.geometry.sheets import rectangle, sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
 from vbaa_bench.render.device_array import index_of
 from vbaa_bench.render.hidden_strip import HiddenStrip
-from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import Quantity, trace
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.lights.emitter import Lamp
 
 ABOVE = sheet(np.array([0.12, 0.0, 0.42]), 0.7, -1)
 TILTED = rectangle(

@@ -8,14 +8,14 @@ from solver.instrument.arrays import Floats
 from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_hidden_strip import bent
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE
-from vbaa_bench.geometry.objects import sheet
+from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
-from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.lights.emitter import Lamp
 
 BOUNCES = 3
 PIXELS = np.argwhere(np.ones((CAMERA.height, CAMERA.width)))[:, ::-1]

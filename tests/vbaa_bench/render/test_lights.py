@@ -10,13 +10,14 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from tests.draws import scene_seed
-from vbaa_bench.geometry.lamps import axes
-from vbaa_bench.render.environment import laboratory, plane_irradiance
+from vbaa_bench.geometry.sheets import axes
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.lights import Environment, Spot, emitter
+from vbaa_bench.render.lights import emitter
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.variant import activate
-from vbaa_bench.scene.lighting import AmbientSpec
+from vbaa_bench.scene.lights.ambient import AmbientSpec
+from vbaa_bench.scene.lights.environment import Environment, laboratory, plane_irradiance
+from vbaa_bench.scene.lights.spot import Spot
 from vbaa_bench.scene.schema import Scene
 
 AIM = np.array([0.1206, 0.020, 0.0])
@@ -143,7 +144,9 @@ def test_two_lights_add_up() -> None:
 def test_a_panel_behind_the_beam_is_off_while_a_board_is_seen() -> None:
     both = scene_under({"kind": "back"}, {"kind": "spot"})
     assert [type(light) for light in lights(both, Path(), panels=False)] == [Spot]
-    assert lights(scene_under({"kind": "back"}), Path(), panels=False)[0].radiance == 1  # type: ignore[union-attr]
+    (soft,) = lights(scene_under({"kind": "back"}), Path(), panels=False)
+    assert soft.sheet is not None
+    assert soft.sheet.radiance == 1
 
 
 def test_a_stripe_is_as_long_and_wide_as_it_says() -> None:

@@ -13,12 +13,12 @@ from solver.instrument.transforms import camera_looking_at
 from tests.even import even_picture
 from tests.vbaa_bench.render.test_camera import POINTS, centroids, skewed_camera
 from vbaa_bench.dataset.target import FAST
-from vbaa_bench.geometry.objects import sheet
-from vbaa_bench.render.lights import Lamp
+from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.variant import PLAIN, activate, is_scalar
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.lights.emitter import Lamp
 
 
 @pytest.fixture(scope="module", autouse=True)

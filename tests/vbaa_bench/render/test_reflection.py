@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from vbaa_bench.geometry import lamps
-from vbaa_bench.render.lights import Ambient, Lamp, Light, Spot
+from vbaa_bench.geometry import sheets
 from vbaa_bench.render.reflection import Reflection
 from vbaa_bench.render.variant import activate
+from vbaa_bench.scene.lights.ambient import Ambient
+from vbaa_bench.scene.lights.emitter import Emitter, Lamp
+from vbaa_bench.scene.lights.spot import Spot
 from vbaa_bench.scene.paint import PaintedPart
 
 UP = np.array([[0.0, 0.0, 1.0]])
@@ -15,7 +17,7 @@ MATT = PaintedPart(reflectance=0.6)
 TILTED = np.array([[0.0, np.sin(0.5), np.cos(0.5)]])
 
 
-def radiance(light: Light, normal: np.ndarray, paint: PaintedPart = MATT) -> float:
+def radiance(light: Emitter, normal: np.ndarray, paint: PaintedPart = MATT) -> float:
     reflection = Reflection([light], np.diag([1e3, 1e3, 1e3, 1.0]))
     return float(reflection.radiance(paint, ORIGIN, normal, UP)[0])
 
@@ -43,10 +45,10 @@ def test_a_spot_lights_by_the_cosine() -> None:
 
 @pytest.mark.usefixtures("_variant")
 def test_a_panel_has_the_irradiance_of_lamberts_formula() -> None:
-    panel = lamps.rectangle(
+    panel = sheets.rectangle(
         np.array([0.1, 0.0, 0.4]), np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0]), (0.5, 0.3)
     )
-    expected = 0.6 * 5.0 * lamps.irradiance(panel, np.zeros(3), TILTED[0]) / np.pi
+    expected = 0.6 * 5.0 * sheets.irradiance(panel, np.zeros(3), TILTED[0]) / np.pi
     assert radiance(Lamp(panel, 5.0), TILTED) == pytest.approx(expected, rel=0.01)
     # Its back is dark.
     panel.invert()

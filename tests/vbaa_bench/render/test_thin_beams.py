@@ -9,14 +9,14 @@ from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
 from tests.consistency import MOST_SIGMAS
 from tests.draws import scene_seed
-from vbaa_bench.geometry.objects import sheet
+from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame, render_static_layer
-from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.lights.emitter import Lamp
 
 MIDDLE, PIXEL, DEPTH = np.array([0.12, 0.0, 0.0]), 0.5e-3, 0.36
 FACETS, RINGS, HALF_LENGTH_PX = 12, 13, 18

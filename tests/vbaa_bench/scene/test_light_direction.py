@@ -9,17 +9,17 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import LIGHT_DISTANCES_MM, MAX_LIGHT_SLOPE
-from vbaa_bench.geometry.lamps import irradiance
+from vbaa_bench.geometry.sheets import irradiance
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.lights import Lamp
 from vbaa_bench.scene.light_direction import (
-    ENVIRONMENT_SIGMA,
-    EVEN,
-    PLACE_SIGMA,
     LightDirection,
     light_across,
     light_direction,
 )
+from vbaa_bench.scene.lights.ambient import EVEN
+from vbaa_bench.scene.lights.emitter import Lamp
+from vbaa_bench.scene.lights.environment import ENVIRONMENT_SIGMA
+from vbaa_bench.scene.lights.sight import PLACE_SIGMA
 from vbaa_bench.scene.load import check_scene
 from vbaa_bench.scene.schema import Scene
 

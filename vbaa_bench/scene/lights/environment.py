@@ -1,25 +1,27 @@
-"""Environment maps in longitude and latitude, generated or read from a file.
+"""Light from all around: a generated laboratory, or an image.
 
 A map (height, width) of radiances has its first row at +z and its last at -z, as in Mitsuba. Its
 columns run from +x through +y around.
 """
 
-from pathlib import Path
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final, Literal
 
 import numpy as np
+from pydantic import Field
 
 from solver.instrument.arrays import Floats
-from solver.instrument.errors import InputError, truncated
-from vbaa_bench.dataset.exr_channels import decode_channels
-from vbaa_bench.dataset.scene_files import read_file
-from vbaa_bench.scene.files import FileContent, unusable_file
+from solver.instrument.units import DEGREE
+from vbaa_bench.scene.files import EnvironmentName
+from vbaa_bench.scene.lights.ambient import EVEN
+from vbaa_bench.scene.lights.emitter import Emitter
+from vbaa_bench.scene.lights.light import Files, LightKind, Setting
+from vbaa_bench.scene.lights.sight import Sight, Tangent
+from vbaa_bench.scene.part import Turn
 
+# Light from all around has windows and lamps anywhere. Chosen: a source at 27 degrees.
+ENVIRONMENT_SIGMA: Final = 0.5
 HEIGHT, WIDTH = 128, 256
-# Weights of the channels in the luminance (ITU-R BT.709).
-LUMINANCE: Final = {"R": 0.2126, "G": 0.7152, "B": 0.0722}
-# Chosen: a map of 8192 x 4096 px in colour and with transparency; converting it takes 1.3 GB.
-MAX_VALUES: Final = 4 * 8192 * 4096
 # Samples along each side of a pixel: antialiases the edges of windows and lamps.
 SUBPIXELS = 4
 # Steps in polar angle of the integral over the upper hemisphere.
@@ -28,6 +30,56 @@ INTEGRATION_STEPS = 20_000
 EAST, NORTH, WEST, SOUTH, CEILING, FLOOR = 3.5, 2.5, 3.0, 2.0, 2.0, 0.9
 # Radiances relative to that of a white wall.
 WALL, WHITE_CEILING, DARK_FLOOR, FURNITURE, TUBE, SKY, HORIZON = 1.0, 1.4, 0.3, 0.25, 60, 40, 15
+
+
+@dataclass(frozen=True)
+class Environment(Emitter):
+    """Infinitely distant light from all directions: `image` (height, width) of radiances.
+
+    The first row is at +z, straight up, the last straight down; columns run from +x through +y
+    around.
+    """
+
+    image: Floats
+
+    def extent(self) -> None:
+        """Return None: it is infinitely far."""
+
+    def with_ambient(self, radiance: float) -> "Environment":
+        """Add the radiance to that from every direction."""
+        return Environment(self.image + radiance)
+
+    def description(self, _render_from_antenna: Floats) -> dict[str, Any]:
+        """Describe Mitsuba's environment map."""
+        # Mitsuba's map has y up, and its columns run in the opposite direction.
+        image = np.ascontiguousarray(self.image[:, ::-1, None], dtype=np.float32)
+        turn = np.eye(4)
+        turn[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
+        return {"type": "envmap", "bitmap": image, "to_world": turn}
+
+
+class EnvironmentSpec(LightKind):
+    """Light from all around: a laboratory with a window and lamps at its ceiling, or an image.
+
+    The image is an OpenEXR file beside the scene that maps longitude and latitude, its top row
+    towards +z, its columns from +x through +y around. `irradiance` is that of plane C.
+    """
+
+    kind: Literal["environment"]
+    file: EnvironmentName | None = Field(
+        default=None, description="OpenEXR image in the scene's folder, by default the laboratory."
+    )
+    rotation_deg: Turn = Field(default=0, description="Turn of the surroundings about +z.")
+
+    def emitter(self, _setting: Setting, files: Files) -> Environment:
+        """Build the map of radiances."""
+        image = laboratory() if self.file is None else files.environment(self.file)
+        image = rotated(image, self.rotation_deg * DEGREE)
+        return Environment(image * self.irradiance / plane_irradiance(image))
+
+    def tangent(self, _setting: Setting, sight: Sight) -> Tangent:
+        """Return a direction that is hardly known, as of even light."""
+        return Tangent(0.0, ENVIRONMENT_SIGMA, EVEN * sight.convergence)
 
 
 def laboratory() -> Floats:
@@ -57,42 +109,6 @@ def laboratory() -> Floats:
     radiance[(side == 0) & (x < 0) & (y > -1) & (y < 0.5) & (z < 1.1)] = FURNITURE
     pixels = radiance.reshape(HEIGHT, SUBPIXELS, WIDTH, SUBPIXELS)
     return np.asarray(pixels.mean(axis=(1, 3)))
-
-
-@unusable_file()
-def read_environment(folder: Path, name: str) -> Floats:
-    """Read the radiances of an OpenEXR image: its only channel, or the luminance of R, G, B.
-
-    `folder` contains the files of the scene that names it. Raises SceneFileError if it cannot be
-    read, or is negative, not finite, or dark above the horizon.
-    """
-    content = read_file(folder, name, "environment")
-    image = luminance(content)
-    if not plane_irradiance(image) > 0:
-        raise InputError(
-            f"{content.path}: is dark above the horizon, allowed is any brighter image"
-        )
-    return image
-
-
-def luminance(content: FileContent) -> Floats:
-    """Decode an OpenEXR image (height, width): its only channel, or the luminance of R, G, B.
-
-    Raises InputError if it cannot be decoded, or is negative or not finite.
-    """
-    path = content.path
-    by_name = decode_channels(content.data, path, MAX_VALUES)
-    weights = LUMINANCE if LUMINANCE.keys() <= by_name.keys() else dict.fromkeys(by_name, 1.0)
-    if weights is not LUMINANCE and len(by_name) != 1:
-        names = truncated(", ".join(by_name))
-        raise InputError(f"{path}: has channels {names}, allowed are R, G, B or one")
-    image = np.zeros(1)
-    for name, weight in weights.items():
-        # Each channel is released before the next is converted: they may be large.
-        image = image + weight * by_name.pop(name).astype(float)
-    if not (np.isfinite(image).all() and image.min() >= 0):
-        raise InputError(f"{path}: allowed are values that are finite and >= 0")
-    return image
 
 
 def plane_irradiance(image: Floats) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vbaa_bench.geometry.lamps import annulus, axes, between, irradiance, rectangle
+from vbaa_bench.geometry.sheets import annulus, axes, between, irradiance, rectangle
 
 UP = np.array([0.0, 0.0, 1.0])
 X = np.array([1.0, 0.0, 0.0])

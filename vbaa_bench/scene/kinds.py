@@ -1,0 +1,105 @@
+"""Families of kinds: the models that a section of a scene may have, named by its key `kind`.
+
+Every kind is one module, which registers its model in its family. Kinds of the package and those of
+a user's module register in the same way; the latter are allowed once the module is in use
+(`vbaa_bench/scene/user_modules.py`).
+
+Names of frames, seeds and the identity of a dataset are hashes of the values of a scene in the
+order of the models' fields. The order of the fields of a kind is therefore part of the format: new
+fields come last, and none is moved. A subclass that declares a field again leaves it in its place.
+"""
+
+import operator
+from collections.abc import Iterator, Mapping, Sequence
+from functools import reduce
+from typing import Annotated, Any, Final, Generic, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, Field, GetCoreSchemaHandler
+from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema
+
+from solver.instrument.errors import InputError
+
+_PACKAGE: Final = __name__.partition(".")[0]
+# Names of users' modules whose kinds are allowed.
+MODULES_IN_USE: Final = set[str]()
+K = TypeVar("K", bound=BaseModel)
+
+
+class Kinds(Generic[K]):
+    """The kinds of one family. As the metadata of a type, `Annotated[Base, KINDS]`, it allows them.
+
+    Pydantic compiles the allowed kinds into a model: after a change, it must be rebuilt.
+    """
+
+    def __init__(self) -> None:
+        self._models: dict[str, type[K]] = {}
+
+    def register(self, *models: type[K]) -> None:
+        """Add kinds. Raises InputError for a model without `kind`, and for a name that is taken."""
+        for model in models:
+            name = kind_of(model)
+            if name is None:
+                raise InputError(f"{_name(model)}: has no key kind, allowed is a Literal text")
+            other = self._models.get(name)
+            # A module that is imported again defines its kinds anew.
+            if other is not None and _name(other) != _name(model):
+                raise InputError(f"{_name(model)}: kind {name} is that of {_name(other)}")
+            self._models[name] = model
+
+    @property
+    def models(self) -> dict[str, type[K]]:
+        """The allowed kinds by name: those of the package, and of users' modules in use."""
+        return {name: model for name, model in self._models.items() if _is_allowed(model)}
+
+    def __get_pydantic_core_schema__(
+        self, _source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        union = reduce(operator.or_, self.models.values())
+        return handler.generate_schema(Annotated[union, Field(discriminator="kind")])
+
+
+def kind_of(model: type[BaseModel]) -> str | None:
+    """Return the name of a kind, the only value that its key `kind` allows; None for others."""
+    field = model.model_fields.get("kind")
+    names = () if field is None else get_args(field.annotation)
+    return names[0] if len(names) == 1 and isinstance(names[0], str) else None
+
+
+def sections(field: FieldInfo) -> list[type[BaseModel]]:
+    """List the models that a field allows."""
+    for family in field.metadata:
+        if isinstance(family, Kinds):
+            return list(family.models.values())
+    return list(_sections(field.annotation))
+
+
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        return
+    options = get_args(annotation)
+    families = [one for one in options if isinstance(one, Kinds)]
+    if get_origin(annotation) is Annotated and families:
+        yield from families[0].models.values()
+        return
+    for option in options:
+        yield from _sections(option)
+
+
+def fields_at(
+    models: Sequence[type[BaseModel]], values: Mapping[str, Any], name: str
+) -> list[FieldInfo]:
+    """List the fields of a key in a section, whose values may state one of several kinds."""
+    stated = values.get("kind")
+    matching = [model for model in models if kind_of(model) == stated]
+    return [model.model_fields[name] for model in matching or models if name in model.model_fields]
+
+
+def _is_allowed(model: type[BaseModel]) -> bool:
+    module = model.__module__
+    return module.partition(".")[0] == _PACKAGE or module in MODULES_IN_USE
+
+
+def _name(model: type[BaseModel]) -> str:
+    return f"{model.__module__}.{model.__qualname__}"
