@@ -13,7 +13,7 @@ FLOORS: dict[str, list[set[str]]] = {
     "vbaa_bench": [
         {"__init__", "__main__"},
         {"cli"},
-        {"api", "benchmarks"},
+        {"api", "benchmarks", "kinds"},
         {"viewer"},
         {"report"},
         {"regression"},

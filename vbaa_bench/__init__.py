@@ -1,6 +1,7 @@
 """Synthetic benchmark of a vision-based active antenna: generate datasets, score methods.
 
-This module is the public interface; all modules below are private and may change.
+This module is the public interface, and `vbaa_bench.kinds` that for kinds of light of your own; all
+other modules are private and may change.
 
 >>> import vbaa_bench as vb
 >>> camera = {"width_px": 256, "height_px": 88, "focal_length_px": 350}
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from vbaa_bench.api.torch_data import torch_dataset
     from vbaa_bench.dataset.readers import open_truth
     from vbaa_bench.scene.load import load_scene
+    from vbaa_bench.scene.user_modules import use_module
 
 __all__ = [
     "Collection",
@@ -51,6 +53,7 @@ __all__ = [
     "score",
     "solve",
     "torch_dataset",
+    "use_module",
 ]
 
 # Imported at first use: renderer, compiler and tables take seconds to import.
@@ -72,6 +75,7 @@ _MODULES: Final = {
     "score": "vbaa_bench.api.results",
     "solve": "vbaa_bench.api.results",
     "torch_dataset": "vbaa_bench.api.torch_data",
+    "use_module": "vbaa_bench.scene.user_modules",
 }
 
 

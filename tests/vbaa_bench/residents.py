@@ -5,7 +5,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from vbaa_bench.workers.resources import own_memory_mb
 
@@ -55,3 +55,13 @@ class InterruptedAtImport:
 
     def __reduce__(self) -> tuple[object, tuple[()]]:
         return interrupted, ()
+
+
+class KindsOfLight:
+    """Says which kinds of light a scene has, from which it is built."""
+
+    def __init__(self, scene: Any) -> None:
+        self._scene = scene
+
+    def kinds(self, _tick: Callable[[], None], _name: str) -> list[str]:
+        return [light.kind for light in self._scene.lights]

@@ -12,6 +12,7 @@ from vbaa_bench.cli.options import (
     Dask,
     Fork,
     FrameCount,
+    Modules,
     Out,
     PartOption,
     Rigs,
@@ -34,6 +35,7 @@ def generate(
     out: Out = None,
     seed: Seed = None,
     settings: Settings = None,
+    _module: Modules = None,
     frames: FrameCount = None,
     rigs: Rigs = None,
     part: PartOption = None,
@@ -117,6 +119,7 @@ class SceneChoice(NamedTuple):
 def merge(
     out: Annotated[Path, typer.Argument(help="new folder")],
     parts: Annotated[list[Path], typer.Argument(help="folders generated with --part")],
+    _module: Modules = None,
     as_json: AsJson = False,
 ) -> None:
     """Merge the parts of a dataset or of a collection into a new folder."""

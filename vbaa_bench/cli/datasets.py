@@ -8,7 +8,7 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Workers, parsed_range
+from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Modules, Workers, parsed_range
 from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def verify(
         Path | None,
         typer.Option(help="scene file, for --repair", show_default="the dataset's own record"),
     ] = None,
+    _module: Modules = None,
     against: Annotated[
         str | None,
         typer.Option(help="digest that the dataset must have, which generate has printed"),

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, SceneOrDataset, Seed, Settings, Variant, Workers
+from vbaa_bench.cli.options import AsJson, Modules, SceneOrDataset, Seed, Settings, Variant, Workers
 from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
 
 
@@ -35,6 +35,7 @@ def limits(
     ] = "1,2,5,10,20,30",
     seed: Seed = None,
     settings: Settings = None,
+    _module: Modules = None,
     out: Annotated[
         Path | None,
         typer.Option(help="HTML page to write", show_default="runs/limits/<scene>.html"),

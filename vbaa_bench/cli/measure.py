@@ -7,7 +7,7 @@ import typer
 from rich.progress import TaskID
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, ScenePath, Variant, Workers
+from vbaa_bench.cli.options import METHODS, AsJson, Modules, ScenePath, Variant, Workers
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 
@@ -27,6 +27,7 @@ def stress(
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write, with the result of every frame")
     ] = None,
+    _module: Modules = None,
     workers: Workers = None,
     variant: Variant = None,
     as_json: AsJson = False,
@@ -81,6 +82,7 @@ def budget(
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file to write")] = None,
+    _module: Modules = None,
     as_json: AsJson = False,
 ) -> None:
     """Split the errors of methods into causes: centreline, rest pose, calibration, beam model.

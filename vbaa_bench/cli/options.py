@@ -6,6 +6,7 @@ from typing import Annotated, Final
 import typer
 
 from solver.instrument.errors import InputError
+from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 
@@ -61,6 +62,15 @@ def parsed_range(text: str) -> slice | None:
     return slice(start, int(last) if last else None)
 
 
+def _use_modules(names: list[str] | None) -> None:
+    """Use the kinds of users' modules before a scene is read. Raises InputError."""
+    if names:
+        with importing():
+            from vbaa_bench.scene.user_modules import use_module
+        for name in names:
+            use_module(name)
+
+
 def rig_numbers(text: str | None, count: int) -> range:
     """Parse the numbers of rigs, such as 7 or 3:7, of a scene with `count`. Raises InputError."""
     if text is None:
@@ -98,6 +108,16 @@ Seed = Annotated[int | None, typer.Option(min=0, help="seed in place of the scen
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", help="value in place of the scene's: beam.length_mm=200; repeatable"),
+]
+Modules = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--module",
+        callback=_use_modules,
+        expose_value=False,
+        help="your own kinds of light, in NAME.py (see docs/kinds.md); repeatable",
+        metavar="NAME",
+    ),
 ]
 FrameCount = Annotated[
     int | None,

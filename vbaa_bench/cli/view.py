@@ -11,7 +11,15 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, SceneOrDataset, Seed, Settings, Variant, parsed_range
+from vbaa_bench.cli.options import (
+    AsJson,
+    Modules,
+    SceneOrDataset,
+    Seed,
+    Settings,
+    Variant,
+    parsed_range,
+)
 from vbaa_bench.report.console import console, print_result, progress_bars
 
 if TYPE_CHECKING:
@@ -63,6 +71,7 @@ def view(
     ] = None,
     seed: Seed = None,
     settings: Settings = None,
+    _module: Modules = None,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from solver.instrument.files import holds, read_regular, write_bytes
 from solver.instrument.hashes import digest, parse_hashes
@@ -17,6 +17,8 @@ from vbaa_bench.dataset.target import target
 from vbaa_bench.scene.load import SceneFile
 
 Identity = dict[str, Any]
+# Key of the digests of users' modules, by name.
+MODULES: Final = "modules"
 
 
 class OtherDatasetError(FolderError):
@@ -26,12 +28,15 @@ class OtherDatasetError(FolderError):
 def dataset_identity(file: SceneFile, variant: str) -> Identity:
     """Collect everything that the bytes of a dataset depend on, without the scene's title.
 
-    Raises SceneFileError if a file that the scene names or may draw cannot be read.
+    Users' modules are stated where the scene has or may draw a kind of theirs. Raises
+    SceneFileError if a file that the scene names or may draw cannot be read.
     """
+    modules = file.user_modules
     return {
         "schema": SCHEMA,
         "scene": file.scene.model_dump(mode="json", exclude={"title"}),
         FILES: file_digests(file),
+        **({MODULES: modules} if modules else {}),
         "made_with": {"variant": variant, "target": target(variant), **versions()},
         "code": code_digests(),
     }
@@ -105,9 +110,10 @@ def _contents(layout: Layout) -> Iterator[str]:
 
 
 def _refusal(layout: Layout, recorded: Identity, here: Identity) -> str:
-    """Say in what a dataset differs from `here`: scene and its files, packages, code."""
+    """Say in what a dataset differs from `here`: scene, its files and modules, packages, code."""
     remedy = "choose another folder with --out, start beside it with --fork, or delete this one"
     changed = {part: _changes(part, recorded, here) for part in ("scene", "files", "made_with")}
+    kinds = list(differences(recorded.get(MODULES, {}), here.get(MODULES, {})))
     modules = [change.key or "an older one" for change in _changes("code", recorded, here)]
     code = [f"{len(modules)} modules of the code"] if modules else []
     if changed["files"]:
@@ -123,12 +129,18 @@ def _refusal(layout: Layout, recorded: Identity, here: Identity) -> str:
         grid = (here["scene"]["sampling"] or {}).get("method") == "grid"
         if grid and any(change.key == "sampling.count" for change in changed["scene"]):
             remedy = f"a grid cannot grow, method sobol can; {remedy}"
-        texts = [*changed["scene"], *changed["files"], *changed["made_with"], *code]
+        texts = [*changed["scene"], *changed["files"], *kinds, *changed["made_with"], *code]
         return (
             f"{layout.root}: holds the dataset of another scene, seed or mesh ({listing(texts)}); "
             f"{remedy}"
         )
     readable = "solve, score and report can still read it"
+    if kinds:
+        return (
+            f"{layout.root}: was made with another version of a module of kinds "
+            f"({listing([*kinds, *changed['made_with'], *code])}); {readable}; to generate, "
+            f"{remedy}, or restore that version"
+        )
     if changed["made_with"] and "code" in recorded:
         return (
             f"{layout.root}: was begun with other packages "

@@ -3,7 +3,7 @@
 DATASET/
   observations/   see solver/instrument/observation.py
   truth/
-    identity.json                    scene, variant, target, versions, code; written first
+    identity.json                    scene, variant, target, versions, code, modules; written first
     files/                           copies of the files that the scene names; see scene_files.py
     metering.json                    exposure, sample table, and their frames; written once, second
     shard_00000/truth.parquet        one row per frame

@@ -17,6 +17,8 @@ from vbaa_bench.scene.schema import Scene
 # Chosen far beyond any rig: only mistakes in typing are rejected, and no product overflows.
 _LARGEST: Final = 1e12
 _MAX_SIDE_PX: Final = 100_000
+# Longest name of a kind. Chosen: it is a label in tables.
+_MAX_KIND_LENGTH: Final = 50
 # Errors of a scene from another version of the program, which is readable nevertheless.
 _OF_OTHER_VERSIONS: Final = ("missing", "extra_forbidden")
 
@@ -79,11 +81,22 @@ def _checked_scene(path: Path, scene: Any) -> dict[str, Any]:
         Scene.model_validate(recorded_values(scene, path))
     except ValidationError as error:
         for mistake in error.errors():
-            if mistake["type"] not in _OF_OTHER_VERSIONS:
+            if mistake["type"] not in _OF_OTHER_VERSIONS and not _is_unknown_kind(mistake):
                 raise InputError(mistake_sentence(path, mistake, "scene")) from error
     pushes = PushSpec(contact_distance_mm=(1.0,), deflection_pct=(1.0,))
     defaults = Scene(title="-", seed=0, pushes=pushes).model_dump(mode="json")
     return _filled(scene, {**defaults, "pushes": None})
+
+
+def _is_unknown_kind(mistake: Any) -> bool:
+    """Test whether a section is of a kind that this process does not know.
+
+    It is that of a user's module or of another version. Reading needs no module, and loads none.
+    """
+    if mistake["type"] != "union_tag_invalid":
+        return False
+    kind = mistake["input"]["kind"]
+    return isinstance(kind, str) and kind.isidentifier() and len(kind) <= _MAX_KIND_LENGTH
 
 
 def _filled(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:

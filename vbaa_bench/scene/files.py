@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import HASHES
 from vbaa_bench.scene.distributions import Choice, From
-from vbaa_bench.scene.kinds import fields_at, sections
+from vbaa_bench.scene.kinds import narrowed, sections
 
 # Longest name, with folders. Chosen: file names can have 255 characters.
 MAX_NAME_LENGTH: Final = 250
@@ -103,19 +103,31 @@ def _parts(annotation: Any) -> Iterator[Any]:
 
 
 class Leaf(NamedTuple):
-    """A plain value that a scene has or may draw, its key, and the fields that allow it."""
+    """A plain value that a scene has or may draw, its key, and the models of its section."""
 
     key: Key
     value: Any
-    fields: Sequence[FieldInfo]
+    models: Sequence[type[BaseModel]]
+
+    @property
+    def fields(self) -> list[FieldInfo]:
+        """The fields that allow the value."""
+        return _fields(self.models, self.key)
 
 
-def leaves(tree: Any, model: type[BaseModel]) -> Iterator[Leaf]:
+def leaves(tree: Mapping[str, Any], model: type[BaseModel]) -> Iterator[Leaf]:
     """Yield every plain value that the values of a model have or may have.
 
-    Where the kind of a section is not stated, or random, the fields are those of all kinds.
+    Where the kind of a section is not stated, or random, the models are those of all kinds.
     """
-    return _Walk(tree).leaves(tree, (), [FieldInfo.from_annotation(model)])
+    for name, part in tree.items():
+        yield from _Walk(tree).leaves(part, (name,), [model])
+
+
+def _fields(models: Sequence[type[BaseModel]], key: Key) -> list[FieldInfo]:
+    """List the fields of a key, which may be that of an item of a list, in some models."""
+    name = next(part for part in reversed(key) if isinstance(part, str))
+    return [model.model_fields[name] for model in models if name in model.model_fields]
 
 
 class _Walk:
@@ -126,18 +138,18 @@ class _Walk:
         # Keys that values are computed from, which may be computed from each other in some draws.
         self._followed: set[str] = set()
 
-    def leaves(self, node: Any, key: Key, fields: Sequence[FieldInfo]) -> Iterator[Leaf]:
-        """Yield every plain value that a part of the tree has or may have, with its key."""
+    def leaves(self, node: Any, key: Key, models: Sequence[type[BaseModel]]) -> Iterator[Leaf]:
+        """Yield every plain value that a part of a section of these models has or may have."""
         for value in self._options(node):
             if isinstance(value, Mapping):
-                models = [model for field in fields for model in sections(field)]
+                inner = [model for field in _fields(models, key) for model in sections(field)]
                 for name, part in value.items():
-                    yield from self.leaves(part, (*key, name), fields_at(models, value, name))
+                    yield from self.leaves(part, (*key, name), narrowed(inner, value))
             elif isinstance(value, tuple):
                 for number, part in enumerate(value):
-                    yield from self.leaves(part, (*key, number), fields)
+                    yield from self.leaves(part, (*key, number), models)
             else:
-                yield Leaf(key, value, fields)
+                yield Leaf(key, value, models)
 
     def _options(self, node: Any) -> Iterator[Any]:
         """Yield the values that may be drawn for a node; a value that is not random is its own."""

@@ -10,9 +10,9 @@ fields come last, and none is moved. A subclass that declares a field again leav
 """
 
 import operator
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
-from typing import Annotated, Any, Final, Generic, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Final, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, Field, GetCoreSchemaHandler
 from pydantic.fields import FieldInfo
@@ -21,7 +21,7 @@ from pydantic_core import CoreSchema
 from solver.instrument.errors import InputError
 
 _PACKAGE: Final = __name__.partition(".")[0]
-# Names of users' modules whose kinds are allowed.
+# Names of users' modules whose kinds are allowed. Set by `use_module`.
 MODULES_IN_USE: Final = set[str]()
 K = TypeVar("K", bound=BaseModel)
 
@@ -66,34 +66,34 @@ def kind_of(model: type[BaseModel]) -> str | None:
     return names[0] if len(names) == 1 and isinstance(names[0], str) else None
 
 
-def sections(field: FieldInfo) -> list[type[BaseModel]]:
-    """List the models that a field allows."""
-    for family in field.metadata:
-        if isinstance(family, Kinds):
-            return list(family.models.values())
-    return list(_sections(field.annotation))
+def family_of(annotation: Any) -> Kinds[Any] | None:
+    """Return the family that a field or a type allows; None if it is none, or more than one."""
+    parts = annotation.metadata if isinstance(annotation, FieldInfo) else get_args(annotation)
+    if (family := next((part for part in parts if isinstance(part, Kinds)), None)) is not None:
+        return family
+    if isinstance(annotation, FieldInfo):
+        return family_of(annotation.annotation)
+    families = [family for part in parts if (family := family_of(part)) is not None]
+    return families[0] if len(families) == 1 else None
 
 
-def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+def sections(annotation: Any) -> list[type[BaseModel]]:
+    """List the models that a field or a type allows."""
+    if (family := family_of(annotation)) is not None:
+        return list(family.models.values())
+    if isinstance(annotation, FieldInfo):
+        return sections(annotation.annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-        return
-    options = get_args(annotation)
-    families = [one for one in options if isinstance(one, Kinds)]
-    if get_origin(annotation) is Annotated and families:
-        yield from families[0].models.values()
-        return
-    for option in options:
-        yield from _sections(option)
+        return [annotation]
+    return [model for option in get_args(annotation) for model in sections(option)]
 
 
-def fields_at(
-    models: Sequence[type[BaseModel]], values: Mapping[str, Any], name: str
-) -> list[FieldInfo]:
-    """List the fields of a key in a section, whose values may state one of several kinds."""
+def narrowed(
+    models: Sequence[type[BaseModel]], values: Mapping[str, Any]
+) -> Sequence[type[BaseModel]]:
+    """Return the model of the kind that a section states, or all where it states none of them."""
     stated = values.get("kind")
-    matching = [model for model in models if kind_of(model) == stated]
-    return [model.model_fields[name] for model in matching or models if name in model.model_fields]
+    return [model for model in models if kind_of(model) == stated] or models
 
 
 def _is_allowed(model: type[BaseModel]) -> bool:

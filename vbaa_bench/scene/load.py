@@ -44,6 +44,7 @@ from vbaa_bench.scene.random_scene import (
     rig_scene,
 )
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.user_modules import module_digests
 
 # Chosen: shipped scenes are up to 3 kB. A file of the largest size takes two seconds to parse.
 MAX_FILE_BYTES: Final = 100_000
@@ -73,11 +74,20 @@ class SceneFile:
     @property
     def named_files(self) -> tuple[NamedFile, ...]:
         """Files that the scene names or may draw."""
-        tree = self._tree
-        if tree is None:
-            values = self.scene.model_dump(exclude={"random_keys"})
-            tree = with_random_keys(values, self.scene.random_keys)
-        return named_files(tree, Scene)
+        return named_files(self._possible, Scene)
+
+    @property
+    def user_modules(self) -> dict[str, str]:
+        """Digests of the users' modules of whose kinds the scene has or may draw any, by name."""
+        return module_digests(self._possible)
+
+    @property
+    def _possible(self) -> Tree:
+        """Values with all distributions."""
+        if self._tree is not None:
+            return self._tree
+        values = self.scene.model_dump(exclude={"random_keys"})
+        return with_random_keys(values, self.scene.random_keys)
 
     @property
     def is_random(self) -> bool:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from solver.instrument.errors import quoted, truncated
-from vbaa_bench.scene.kinds import kind_of, sections
+from vbaa_bench.scene.kinds import family_of, kind_of, sections
 from vbaa_bench.scene.random_keys import DistributionError
 from vbaa_bench.scene.renamed import new_key
 from vbaa_bench.scene.schema import Scene
@@ -56,7 +56,8 @@ def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
         case "union_tag_invalid" | "union_tag_not_found":
             state = "missing" if kind == "union_tag_not_found" else quoted(value["kind"])
             allowed = ", ".join(str(kind_of(model)) for model in _models(mistake["loc"]))
-            return (*key, "kind"), f"is {state}, allowed is one of {allowed}"
+            remedy = "; a kind of your own needs --module" if _is_unknown_kind(mistake) else ""
+            return (*key, "kind"), f"is {state}, allowed is one of {allowed}{remedy}"
         case "value_error":
             return key, str(context["error"])
         case "literal_error":
@@ -72,6 +73,11 @@ def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
             allowed = allowed.replace("integer", "whole number")
     plain_value = list(value) if isinstance(value, tuple) else value
     return key, f"is {quoted(plain_value)}, allowed is {allowed}"
+
+
+def _is_unknown_kind(mistake: Any) -> bool:
+    """Test whether a kind may be that of a user's module."""
+    return mistake["type"] == "union_tag_invalid" and family_of(_field(mistake["loc"])) is not None
 
 
 def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
@@ -103,13 +109,19 @@ def _key_in_file(document: Any, location: Sequence[Key], *, missing: bool) -> tu
 
 def _models(location: Sequence[Key]) -> list[type[BaseModel]]:
     """List the sections that are allowed at a location of pydantic's, which names their `kind`."""
-    models: list[type[BaseModel]] = [Scene]
+    return sections(_field(location))
+
+
+def _field(location: Sequence[Key]) -> Any:
+    """Return the field, or the model, at a location of pydantic's."""
+    field: Any = Scene
     for part in location:
         if isinstance(part, int):
             continue
+        models = sections(field)
         matching = [m for m in models if len(models) > 1 and kind_of(m) == part]
-        models = matching or sections(models[0].model_fields[part])
-    return models
+        field = matching[0] if matching else models[0].model_fields[part]
+    return field
 
 
 def located_message(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:

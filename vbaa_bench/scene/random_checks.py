@@ -48,7 +48,9 @@ def _common_errors(tree: Tree) -> list[Any]:
 
 
 def _identity(error: Mapping[str, Any]) -> tuple[Any, ...]:
-    return error["type"], error["loc"], str(error["input"])
+    # The drawn values of a section do not count: its kind or its keys are wrong.
+    value = "" if isinstance(error["input"], Mapping) else str(error["input"])
+    return error["type"], error["loc"], value
 
 
 def _errors(tree: Tree, numbers: Mapping[str, float]) -> Iterator[dict[str, Any]]:

@@ -9,6 +9,7 @@ import functools
 import hashlib
 import importlib
 import json
+import pickle
 import socket
 import time
 from collections import deque
@@ -25,6 +26,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.safe_path import safe_path
 from vbaa_bench.dataset.code import code_digests
 from vbaa_bench.dataset.manifest import versions
+from vbaa_bench.scene.user_modules import modules_in_use
 from vbaa_bench.workers.jobs import Ended, Job, WorkerDiedError, Workers
 
 # Classes of dask-jobqueue by the value of the key `cluster`.
@@ -151,7 +153,7 @@ class ClusterPool(Workers):
         remark: Callable[[str], None],
     ) -> None:
         self._address, self._remark = address, remark
-        self._build, self._arguments = build, arguments
+        self._built = pickle.dumps((modules_in_use(), build, arguments))
         self._program = _program()
         self._clients = contextlib.ExitStack()
 
@@ -198,9 +200,7 @@ class ClusterPool(Workers):
                 time.sleep(_POLL_S)
 
     def _submitted(self, job: Job) -> Any:
-        return self._client.submit(
-            run_job, self._program, self._build, self._arguments, job, pure=False
-        )
+        return self._client.submit(run_job, self._program, self._built, job, pure=False)
 
     def _connected(self) -> Any:
         """Connect to the scheduler, and wait for it if it is not there yet. Raises InputError."""
@@ -237,32 +237,31 @@ def _thread() -> ThreadPoolExecutor:
 class _Resident:
     """This worker's object, and what it was built from."""
 
-    key: Any = None
+    key: tuple[str, bytes] | None = None
     built: Any = None
 
 
 _RESIDENT: Final = _Resident()
 
 
-def run_job(
-    program: str, build: Callable[..., Any], arguments: tuple[Any, ...], job: Job
-) -> _Counted:
+def run_job(program: str, pickled: bytes, job: Job) -> _Counted:
     """Run a job in a worker of a cluster; its object is built for the first job.
 
-    `program` identifies the version of the program that has submitted the job. Raises what the job
-    raises, and InputError if this worker has another version.
+    `program` identifies the version of the program that has submitted the job. `pickled` are the
+    users' modules in use, the function that builds the object, and its arguments. Raises what the
+    job raises, and InputError if this worker has another version.
     """
-    return _thread().submit(_run, program, build, arguments, job).result()
+    return _thread().submit(_run, program, pickled, job).result()
 
 
-def _run(program: str, build: Callable[..., Any], arguments: tuple[Any, ...], job: Job) -> _Counted:
+def _run(program: str, pickled: bytes, job: Job) -> _Counted:
     pieces = 0
 
     def piece_done() -> None:
         nonlocal pieces
         pieces += 1
 
-    key = program, build, arguments
+    key = program, pickled
     if _RESIDENT.key != key:
         if program != _program():
             raise InputError(
@@ -271,6 +270,7 @@ def _run(program: str, build: Callable[..., Any], arguments: tuple[Any, ...], jo
             )
         _RESIDENT.key = _RESIDENT.built = None
         try:
+            _, build, arguments = pickle.loads(pickled)
             _RESIDENT.built = build(*arguments)
             _RESIDENT.key = key
         except InputError as error:

@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any, Final
 
 from solver.instrument.safe_path import safe_path
+from vbaa_bench.scene.user_modules import modules_in_use
 from vbaa_bench.workers.jobs import Ended, Job, WorkerDiedError, Workers
 from vbaa_bench.workers.worker_process import Message, serve
 
@@ -61,8 +62,9 @@ class Pool(Workers):
 
     def __init__(self, count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
         self._count, self._context = count, multiprocessing.get_context("spawn")
-        # Pickled here, so that a failed import in a worker can be reported.
-        self._built = pickle.dumps((build, arguments))
+        # Pickled here, so that a failed import in a worker can be reported. Users' modules first:
+        # the arguments may have kinds of theirs.
+        self._built = pickle.dumps((modules_in_use(), build, arguments))
         self._workers: list[_Worker] = []
         self._pieces = 0
 

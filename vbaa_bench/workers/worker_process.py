@@ -65,7 +65,7 @@ def _build(pickled: bytes) -> Any:
     """Build the worker's object, or return the error that prevents it."""
     try:
         with quick_imports():
-            build, arguments = pickle.loads(pickled)
+            _, build, arguments = pickle.loads(pickled)
         return build(*arguments)
     except Exception as error:  # noqa: BLE001  # any exception is the reason
         return WorkerStartError(f"{type(error).__name__}: {error}")

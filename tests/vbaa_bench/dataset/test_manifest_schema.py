@@ -34,6 +34,15 @@ def test_keys_of_a_newer_version_get_their_defaults(manifest: dict[str, Any]) ->
     assert scene["beam"] == manifest["scene"]["beam"]
 
 
+def test_a_kind_of_a_module_that_is_not_in_use_can_be_read(manifest: dict[str, Any]) -> None:
+    document = copy.deepcopy(manifest)
+    document["scene"]["lights"] = [{"kind": "glow", "slide": "a.png"}]
+    assert checked_manifest(Path("m"), document) == document
+    document["scene"]["lights"][0]["kind"] = "glow\n" * 1000
+    with pytest.raises(InputError, match=r"m: scene\.lights\.0 is "):
+        checked_manifest(Path("m"), document)
+
+
 @pytest.mark.parametrize("name", ["float_tiny", "float_huge"])
 def test_the_largest_and_the_smallest_scene_are_accepted(
     manifest: dict[str, Any], name: str

@@ -13,10 +13,14 @@ import pytest
 from distributed.scheduler import KilledWorker
 
 from solver.instrument.errors import InputError
+from tests.forgotten import forgotten
 from tests.poisoned import PoisonedWorker
 from tests.vbaa_bench.generation.test_failures import failures, poisoned
+from tests.vbaa_bench.residents import KindsOfLight
+from tests.vbaa_bench.scene.test_user_modules import GLOW, scene_under
 from vbaa_bench.dataset.inventory import take_inventory
 from vbaa_bench.generation.deaths import DIED
+from vbaa_bench.scene.user_modules import use_module
 from vbaa_bench.workers import cluster
 from vbaa_bench.workers.cluster import ClusterAddress, ClusterPool
 from vbaa_bench.workers.jobs import Job, WorkerDiedError
@@ -56,6 +60,20 @@ def test_a_worker_of_another_version_is_refused(
         ClusterPool(address, PoisonedWorker, (tmp_path,), print) as pool,
     ):
         list(pool.outcomes(deque([Job("image", ("rest/rest_00.png", 1.0))]), lambda _done: None))
+
+
+def test_workers_of_a_cluster_get_users_modules(
+    address: ClusterAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "glowing.py").write_text(GLOW, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with forgotten():
+        use_module("glowing")
+        arguments = (scene_under({"kind": "glow"}).scene,)
+        (tmp_path / "glowing.py").unlink()
+        with ClusterPool(address, KindsOfLight, arguments, print) as pool:
+            (ended,) = pool.outcomes(deque([Job("kinds", ("",))]), lambda _done: None)
+    assert ended.result == ["glow"]
 
 
 class Gone:
