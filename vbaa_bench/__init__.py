@@ -1,7 +1,7 @@
 """Synthetic benchmark of a vision-based active antenna: generate datasets, score methods.
 
-This module is the public interface, and `vbaa_bench.kinds` that for kinds of light of your own; all
-other modules are private and may change.
+This module is the public interface, and `vbaa_bench.kinds` that for lights and objects of your own;
+all other modules are private and may change.
 
 >>> import vbaa_bench as vb
 >>> camera = {"width_px": 256, "height_px": 88, "focal_length_px": 350}

@@ -1,15 +1,27 @@
 """What a module with kinds of your own needs; `docs/kinds.md` shows how to write one."""
 
+from vbaa_bench.geometry.mesh import mesh_of
 from vbaa_bench.geometry.sheets import annulus, rectangle
-from vbaa_bench.scene.files import EnvironmentName, ImageName
+from vbaa_bench.geometry.solids import box, lofted, prism, rod, together
+from vbaa_bench.mechanics.surfaces import Solid, ball, upright
+from vbaa_bench.scene.files import EnvironmentName, ImageName, MeshName
 from vbaa_bench.scene.lights.emitter import Emitter, Lamp, pose_towards
-from vbaa_bench.scene.lights.light import LIGHTS, AimedKind, Files, LightKind, Setting, metres
+from vbaa_bench.scene.lights.light import LIGHTS, AimedKind, Files, LightKind, LightSetting, metres
 from vbaa_bench.scene.lights.sight import NO_SHADING, Sight, Tangent
+from vbaa_bench.scene.objects.object import (
+    OBJECTS,
+    ObjectKind,
+    ObjectSetting,
+    Touchable,
+    TouchedKind,
+    UprightKind,
+)
 from vbaa_bench.scene.part import Coordinate, Fraction, NonNegative, Positive, Triple, Turn
 
 __all__ = [
     "LIGHTS",
     "NO_SHADING",
+    "OBJECTS",
     "AimedKind",
     "Coordinate",
     "Emitter",
@@ -19,15 +31,30 @@ __all__ = [
     "ImageName",
     "Lamp",
     "LightKind",
+    "LightSetting",
+    "MeshName",
     "NonNegative",
+    "ObjectKind",
+    "ObjectSetting",
     "Positive",
-    "Setting",
     "Sight",
+    "Solid",
     "Tangent",
+    "Touchable",
+    "TouchedKind",
     "Triple",
     "Turn",
+    "UprightKind",
     "annulus",
+    "ball",
+    "box",
+    "lofted",
+    "mesh_of",
     "metres",
     "pose_towards",
+    "prism",
     "rectangle",
+    "rod",
+    "together",
+    "upright",
 ]

@@ -10,9 +10,9 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
-from vbaa_bench.assembly.bodies import Body
+from vbaa_bench.assembly.mesh_file import SceneMeshes
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.objects import NothingSpec
+from vbaa_bench.scene.objects.object import ObjectSetting
 from vbaa_bench.scene.rigs import true_rig
 
 # Distance of the points at which an outline is compared, over its length. Chosen: 2,000 points.
@@ -24,12 +24,13 @@ class TrueOutline:
 
     def __init__(self, file: SceneFile) -> None:
         scene, folder = file.scene, Path(file.path).parent
-        if isinstance(scene.object, NothingSpec) or scene.carriage is None:
+        if not scene.object.present or scene.carriage is None:
             raise InputError(f"{file.path}: has no carriage, or no object, allowed are both")
         ground = -scene.background.distance_mm * MILLIMETRE
-        body = Body(scene.object, true_rig(scene).beam.radius, ground, folder)
-        mesh = body.mesh(0.0)
-        mesh.vertices = apply(invert(body.object_from_table()), np.asarray(mesh.vertices))
+        setting = ObjectSetting(true_rig(scene).beam.radius, ground, SceneMeshes(folder))
+        mesh = scene.object.mesh(setting)
+        table_from_object = invert(scene.object.object_from_table(setting))
+        mesh.vertices = apply(table_from_object, np.asarray(mesh.vertices))
         self.segments = _section(mesh)
         if not len(self.segments):
             raise InputError(f"{file.path}: the object does not reach plane C")

@@ -17,8 +17,8 @@ from vbaa_bench.generation.plan import plan
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scene.objects import PadSpec
-from vbaa_bench.scene.weight import WeightSpec
+from vbaa_bench.scene.objects.pad import PadSpec
+from vbaa_bench.scene.objects.weight import WeightSpec
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").rglob("*.yaml"))
 MICROMETRE = 1e-6

@@ -23,8 +23,9 @@ from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.user_modules import modules_in_use, use_module
 
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "kinds.md").read_text(encoding="utf-8")
-# In place of the page's own pushes: two frames of a small image, and both kinds of the page.
+# In place of the page's own pushes: two frames of a small image, and all kinds of the page.
 SMALL: Final = """
+object: {kind: hex_bar}
 camera: {width_px: 256, height_px: 88, focal_length_px: 350, position_mm: [120, 22, 360],
          look_at_mm: [120, 22, 0]}
 calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120, 22], views: 4}
@@ -40,7 +41,9 @@ def blocks(language: str) -> list[str]:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with the page's module and scene, in which the commands run."""
-    (tmp_path / "my_lamp.py").write_text("\n".join(blocks("python")), encoding="utf-8")
+    *lamp, bar = blocks("python")
+    (tmp_path / "my_lamp.py").write_text("\n".join(lamp), encoding="utf-8")
+    (tmp_path / "my_object.py").write_text(bar, encoding="utf-8")
     (text,) = blocks("yaml")
     text = text.partition("pushes:")[0].replace("lights:", "lights:\n  - {kind: sun}")
     (tmp_path / "my_scene.yaml").write_text(text + SMALL, encoding="utf-8")
@@ -58,10 +61,11 @@ def made(folder: Path, workers: int, variant: str) -> Layout:
 def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -> None:
     scene, module = folder / "my_scene.yaml", folder / "my_lamp.py"
     use_module("my_lamp")
-    (used,) = modules_in_use()
+    use_module("my_object")
+    digests = {used.name: used.digest for used in modules_in_use()}
     one, two = made(folder, 1, variant), made(folder, 2, variant)
     assert dataset_digest(one.root) == dataset_digest(two.root)
-    assert read_json(one.identity)["modules"] == {"my_lamp": used.digest}
+    assert read_json(one.identity)["modules"] == digests
     # Comments are no code; other code is another dataset.
     module.write_text(module.read_text() + "# Hung on Monday.\n")
     use_module("my_lamp")
@@ -77,7 +81,10 @@ def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -
             f"{scene}:4:6: lights[0].kind is 'sun', allowed is one of area, side, ring, back, "
             f"stripe, spot, environment; a kind of your own needs --module\n"
             f"{scene}:5:6: lights[1].kind is 'led_bar', allowed is one of area, side, ring, back, "
-            "stripe, spot, environment; a kind of your own needs --module"
+            f"stripe, spot, environment; a kind of your own needs --module\n"
+            f"{scene}:7:10: object.kind is 'hex_bar', allowed is one of block, cylinder, peg, "
+            "sphere, knife_edge, wall, plunger, pad, mesh, weight, none; a kind of your own needs "
+            "--module"
         )
         assert open_truth(one.truth).frames.height == 2
         assert verify(one.root).faults == []
@@ -93,9 +100,9 @@ def test_the_commands_of_the_page_use_the_module(folder: Path) -> None:
     (text,) = blocks("sh")
     lines = [line.partition("#")[0].split()[1:] for line in text.splitlines()]
     assert [line[0] for line in lines] == ["preview", "run"]
-    app(lines[0], standalone_mode=False)
+    app([*lines[0], "--module", "my_object"], standalone_mode=False)
     assert (folder / "my_scene_0.png").is_file()
-    assert [module.name for module in modules_in_use()] == ["my_lamp"]
+    assert [module.name for module in modules_in_use()] == ["my_lamp", "my_object"]
 
 
 def test_every_command_that_builds_a_scene_takes_modules() -> None:

@@ -10,14 +10,14 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.assembly.ground_view import view_of_ground
+from vbaa_bench.assembly.mesh_file import SceneMeshes
 from vbaa_bench.geometry.clutter import Room, Sector, places, thing
 from vbaa_bench.geometry.solids import together
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.clutter import ClutterSpec
-from vbaa_bench.scene.objects import NothingSpec
+from vbaa_bench.scene.objects.object import ObjectSetting
 from vbaa_bench.scene.paint import Paint
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
@@ -123,8 +123,9 @@ def _contact_distances(scene: Scene) -> tuple[float, float] | None:
 
 def _object_extent(scene: Scene, rig: TrueRig, folder: Path) -> tuple[float, float]:
     """Return how far [m] the object extends away from the beam, and to both sides along it."""
-    if isinstance(scene.object, NothingSpec):
+    if not scene.object.present:
         return 0.0, 0.0
     ground = -scene.background.distance_mm * MILLIMETRE
-    vertices = np.asarray(Body(scene.object, rig.beam.radius, ground, folder).mesh(0.0).vertices)
+    setting = ObjectSetting(rig.beam.radius, ground, SceneMeshes(folder))
+    vertices = np.asarray(scene.object.mesh(setting).vertices)
     return -float(vertices[:, 1].min()), float(np.abs(vertices[:, 0]).max())

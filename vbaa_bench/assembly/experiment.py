@@ -10,9 +10,10 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
-from solver.instrument.units import DEGREE, GRAM, MILLIMETRE
-from vbaa_bench.assembly.bodies import Body, hanging, place
+from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.clamp import overlaps_jaw
+from vbaa_bench.assembly.mesh_file import SceneMeshes
+from vbaa_bench.assembly.object_pose import hanging, place
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.contact import Obstacle
 from vbaa_bench.mechanics.hung import hang
@@ -21,11 +22,10 @@ from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Line, upright
 from vbaa_bench.scene.laboratory import ClampSpec
-from vbaa_bench.scene.objects import NothingSpec, PadSpec, PlungerSpec, WallSpec
+from vbaa_bench.scene.objects.object import ObjectSetting
 from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.weight import WeightSpec
 
 LINEAR = "linear, eqs. (9) and (10)"
 PLANAR = "exact, planar: round, weightless, frictionless"
@@ -69,12 +69,12 @@ class Experiment:
         return Motor(point=(x - self.rig.grip, y, z))
 
     @cached_property
-    def body(self) -> Body:
-        """The touched object."""
+    def object_setting(self) -> ObjectSetting:
+        """What the shape of the touched object refers to, in its frame."""
         # If the beam sags, the object's frame moves with it; the ground does not.
         point, _ = self._resting_at(self.push.contact_distance or 0.0)
         ground = self.ground - float(point[2])
-        return Body(self.scene.object, self.rig.beam.radius, ground, self.folder)
+        return ObjectSetting(self.rig.beam.radius, ground, SceneMeshes(self.folder))
 
     @property
     def ground(self) -> float:
@@ -112,7 +112,7 @@ class Experiment:
         """Name of the mechanical model that solves this push."""
         if self.scene.mechanics == "linear":
             return LINEAR
-        if isinstance(self.scene.object, WeightSpec):
+        if self.scene.object.mass() is not None:
             return HUNG
         scene, first = self.scene, self.obstacles[0]
         upright_edge = isinstance(first.surface, Line) and self.push.normal == 0
@@ -131,9 +131,9 @@ class Experiment:
         if self.model == HUNG:
             return states
         shifts = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
-        if isinstance(self.scene.object, PlungerSpec | PadSpec):  # check size and give
-            self.body.mesh(max(shifts, default=0.0))
-        if not isinstance(self.scene.object, NothingSpec):
+        if self.scene.object.deforms:  # check size and give
+            self.scene.object.mesh(self.object_setting, max(shifts, default=0.0))
+        if self.scene.object.present:
             self._check_hub()
             if self.scene.clamp is not None:
                 self._check_jaw(self.scene.clamp, states)
@@ -142,7 +142,7 @@ class Experiment:
                 object_from_clamp = invert(self.clamp_from_object(state, step))
                 point = apply(object_from_clamp, (contact.point + contact.lever)[None])[0]
                 tangent = object_from_clamp[:3, :3] @ contact.tangent
-                reason = self.body.misses(point, tangent)
+                reason = self.scene.object.misses(self.object_setting, point, tangent)
                 if reason is not None:
                     raise EquilibriumError(f"at {self.push.targets[step]} {reason}")
         return states
@@ -174,8 +174,8 @@ class Experiment:
 
     def _states(self) -> list[State]:
         model, segments = self.model, self.scene.beam.centreline_segments
-        if isinstance(self.scene.object, WeightSpec):
-            force = self.scene.object.weight_g * GRAM * np.array(self.push.gravity)
+        if (mass := self.scene.object.mass()) is not None:
+            force = mass * np.array(self.push.gravity)
             angles, place = [step.size for step in self.steps], self.push.contact_distance or 0.0
             return hang(self.rod, self.motor, place, force, angles, segments)
         distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
@@ -239,7 +239,7 @@ class Experiment:
             give = float(np.linalg.norm(state.contact.object_shift))
             along, up, _ = pose[:3, :3].T @ state.contact.tangent
             slope = float(up / along)
-        mesh = self.body.mesh(give, slope)
+        mesh = self.scene.object.mesh(self.object_setting, give, slope)
         mesh.vertices = apply(pose, np.asarray(mesh.vertices))
         return mesh
 
@@ -252,7 +252,8 @@ class Experiment:
         antenna_from_world = invert(self.clamp_from_world(onset))
         antenna_from_world[:3, 3] += self.rig.base_position
         antenna_from_object = antenna_from_world @ self.obstacles[0].world_from_object
-        return invert(antenna_from_object @ self.body.object_from_table())
+        object_from_table = self.scene.object.object_from_table(self.object_setting)
+        return invert(antenna_from_object @ object_from_table)
 
     def clamp_from_world(self, motor_angle: float) -> Floats:
         """Compute clamp_from_world (4, 4) at a motor angle [rad]."""
@@ -269,8 +270,8 @@ class Experiment:
 
     def _obstacle(self) -> Obstacle:
         spec = self.scene.object
-        if isinstance(spec, WallSpec):
-            point = np.array([self.rig.beam.length / 2, -spec.gap_mm * MILLIMETRE, 0.0])
+        if (gap := spec.gap()) is not None:
+            point = np.array([self.rig.beam.length / 2, -gap, 0.0])
             tangent = np.array([1.0, 0.0, 0.0])
         else:
             point, tangent = self._resting_at(self.push.contact_distance or 0.0)
@@ -278,7 +279,7 @@ class Experiment:
         pose = place(point, tangent, self.push.normal, offset)
         friction = getattr(spec, "friction", 0.0)
         return Obstacle(
-            self.body.surface(),
+            spec.surface(self.object_setting),
             pose,
             compliance=self.push.compliance,
             spring=pose[:3, 1],

@@ -1,21 +1,41 @@
-"""Read a mesh of any shape from a user's file, check it, and place it against the beam."""
+"""Read a mesh of any shape from a user's file, and check it."""
 
 import io
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.units import MILLIMETRE
+from vbaa_bench.dataset.scene_files import FileVersion, file_version, read_version
 from vbaa_bench.geometry.solids import together
 from vbaa_bench.scene.files import FileContent, SceneFileError, unusable_file
+from vbaa_bench.scene.objects.object import FileMesh
 
 KINDS = (".stl", ".obj", ".ply")
 # A file of this many faces has at most the bytes that scene/files.py allows.
 MAX_FACES = 200_000
 # Allowed extents [m] of an object.
 MIN_EXTENT, MAX_EXTENT = 1e-9, 10.0
+
+
+@dataclass(frozen=True)
+class SceneMeshes:
+    """Reader of the meshes that a scene names; `folder` contains its files."""
+
+    folder: Path
+
+    def mesh(self, name: str, unit_m: float) -> FileMesh:
+        """Read a file whose unit is `unit_m`, again only if it has changed; see `read_mesh`."""
+        return _read_version(file_version(self.folder, name), unit_m)
+
+
+@lru_cache(maxsize=4)
+def _read_version(file: FileVersion, unit_m: float) -> FileMesh:
+    return FileMesh(file.path, read_mesh(read_version(file, "mesh"), unit_m))
 
 
 def check_mesh(content: FileContent) -> None:
@@ -66,36 +86,6 @@ def read_mesh(content: FileContent, unit_m: float | None) -> trimesh.Trimesh:
     if volume < 0:
         mesh.invert()
     return mesh
-
-
-def touching(mesh: trimesh.Trimesh, beam_radius: float) -> trimesh.Trimesh:
-    """Move a mesh along y so that a beam coming from +y just touches it.
-
-    The beam is a round rod of `beam_radius` [m] along all of x, at y = beam_radius, z = 0.
-    Raises InputError if the mesh is beside the beam's path.
-    """
-    # Only the mesh's projection along x on the y-z plane counts; its rim consists of edges.
-    ends = np.asarray(mesh.vertices)[mesh.edges_unique]
-    rise, run = (ends[:, 1] - ends[:, 0])[:, 1:].T
-    low, high = np.sort(ends[:, :, 2], axis=1).T
-    # An edge along x or y adds nothing to the projection that the ends of other edges do not.
-    below = (run != 0) & (low < beam_radius) & (high > -beam_radius)
-    if not below.any():
-        bottom, top = mesh.bounds[:, 2] / MILLIMETRE
-        raise InputError(
-            f"the object's mesh spans z = {bottom:g} to {top:g} mm, beside the beam,"
-            f" allowed is one that reaches within {beam_radius / MILLIMETRE:g} mm of z = 0"
-        )
-    ends, rise, run, low, high = (part[below] for part in (ends, rise, run, low, high))
-    # The gap is convex along an edge: least where the beam's underside has the edge's slope.
-    tangent_z = beam_radius * rise * np.sign(run) / np.hypot(rise, run)
-    z = np.clip(tangent_z, np.maximum(low, -beam_radius), np.minimum(high, beam_radius))
-    fraction = (z - ends[:, 0, 2]) / run
-    underside = beam_radius - np.sqrt((beam_radius - z) * (beam_radius + z))
-    gap = underside - (ends[:, 0, 1] + fraction * rise)
-    moved: trimesh.Trimesh = mesh.copy()
-    moved.apply_translation([0.0, gap.min(), 0.0])
-    return moved
 
 
 def _parsed(content: FileContent) -> tuple[Floats, np.ndarray]:

@@ -9,7 +9,7 @@ from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.occluders import bars, leaves, sheet_over
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.objects import OcclusionSpec
+from vbaa_bench.scene.occlusion import OcclusionSpec
 
 # Ratio of the extent of all bars to the width that they hide: half is visible, if there is room.
 BARS_EXTENT_RATIO = 2.0

@@ -8,7 +8,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.assembly.bodies import Body
+from vbaa_bench.assembly.mesh_file import SceneMeshes
 from vbaa_bench.geometry.box_mapping import box_mapped
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.materials import BLACK, Texture
@@ -19,7 +19,7 @@ from vbaa_bench.render.textures import (
     random_texture,
     speckle_texture,
 )
-from vbaa_bench.scene.objects import NothingSpec
+from vbaa_bench.scene.objects.object import ObjectSetting, TouchedKind
 from vbaa_bench.scene.paint import (
     BrushedTextureSpec,
     ImageTextureSpec,
@@ -29,7 +29,6 @@ from vbaa_bench.scene.paint import (
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.weight import WeightSpec
 
 # Reflectance of bare steel where its texture is brightest, over that of iron.
 _BARE = 0.8
@@ -41,10 +40,11 @@ def object_texture(scene: Scene, rig: TrueRig, folder: Path, number: int = 0) ->
     It is None if the object has none. `number` is that of the random pattern. Raises InputError.
     """
     spec = scene.object
-    if isinstance(spec, NothingSpec | WeightSpec) or spec.texture is None:
+    if not isinstance(spec, TouchedKind) or spec.texture is None:
         return None
     ground = -scene.background.distance_mm * MILLIMETRE
-    places = box_mapped(Body(spec, rig.beam.radius, ground, folder).mesh(0.0))
+    setting = ObjectSetting(rig.beam.radius, ground, SceneMeshes(folder))
+    places = box_mapped(spec.mesh(setting))
     random = random_generator(scene, "object texture", number)
     return _textured(spec, spec.texture, places, folder, random)
 

@@ -14,7 +14,6 @@ from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.beam_mesher import BeamMesher
 from vbaa_bench.assembly.board_tilt import board_tilt
-from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
@@ -25,7 +24,7 @@ from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.wires import WIRES, wires_surface
 from vbaa_bench.geometry.board import board, cells
 from vbaa_bench.geometry.box_mapping import unshared
-from vbaa_bench.geometry.objects import adaptor, hub
+from vbaa_bench.geometry.hub import adaptor, hub
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.materials import Texture
@@ -34,7 +33,6 @@ from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.lights.emitter import Emitter
-from vbaa_bench.scene.objects import NothingSpec, PegSpec
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
@@ -147,23 +145,18 @@ class SceneAssembler:
         """Yield the surfaces that the beam is pushed against, and the occluder."""
         experiment, state, scene = pose.experiment, pose.state, self.scene
         frame_from_clamp, top = self._frame_from_clamp(experiment, pose.motor_angle), 0.0
-        if not isinstance(scene.object, NothingSpec):
+        if scene.object.present:
             object_mesh = experiment.touched_mesh(state, pose.spec.step)
             top = float(object_mesh.vertices[:, 2].max())
             if self._object_texture is not None:
                 object_mesh = unshared(object_mesh)
+            assert isinstance(scene.object, PaintedPart)
             surface = _painted(_placed(object_mesh, frame_from_clamp), scene.object)
             yield "object", replace(surface, texture=self._object_texture)
         second_peg = scene.second_peg
         if second_peg is not None:
-            spec = PegSpec(
-                kind="peg",
-                radius_mm=second_peg.radius_mm,
-                top_mm=second_peg.top_mm,
-                bottom_mm=second_peg.bottom_mm,
-            )
             clamp_from_peg = experiment.clamp_from_object(state, pose.spec.step, 1)
-            peg = Body(spec, self.rig.beam.radius, experiment.ground, self.folder).mesh(0.0)
+            peg = second_peg.peg.mesh(experiment.object_setting._replace(ground=experiment.ground))
             yield (
                 "second_peg",
                 _painted(_placed(peg, frame_from_clamp @ clamp_from_peg), second_peg),

@@ -175,7 +175,8 @@ def _on_table(experiment: Experiment, spec: FrameSpec, state: State) -> dict[str
         return {**pose, "touched_table_mm": None}
     object_from_clamp = invert(experiment.clamp_from_object(state, spec.step))
     touched = object_from_clamp @ np.append(state.contact.point + state.contact.lever, 1.0)
-    on_table = invert(experiment.body.object_from_table()) @ touched
+    object_from_table = experiment.scene.object.object_from_table(experiment.object_setting)
+    on_table = invert(object_from_table) @ touched
     return {**pose, "touched_table_mm": (on_table[:3] / MILLIMETRE).tolist()}
 
 

@@ -1,14 +1,9 @@
 """Flat sheets, and the irradiance from luminous ones. All lengths are in [m]."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
-
-# Imported where a sheet is built: a scene is read without it.
-if TYPE_CHECKING:
-    import trimesh
+from vbaa_bench.geometry.mesh import Mesh, mesh_of
 
 # Segments of a ring; its inner and outer polygons keep the area of the true circles.
 SEGMENTS = 48
@@ -28,35 +23,29 @@ def axes(ahead: Floats, along: Floats) -> Floats:
     return np.array([across, np.cross(ahead, across), ahead])
 
 
-def sheet(middle: Floats, side: float, facing: int) -> "trimesh.Trimesh":
+def sheet(middle: Floats, side: float, facing: int) -> Mesh:
     """Mesh a square sheet across the z axis about `middle` (3,) [m], facing +z or -z (+1, -1)."""
-    import trimesh
-
     half = side / 2
     corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
-    return trimesh.Trimesh(corners + middle, faces[:, ::facing], process=False)
+    return mesh_of(corners + middle, faces[:, ::facing])
 
 
 def rectangle(
     middle: Floats, ahead: Floats, along: Floats, sides: Floats | tuple[float, float]
-) -> "trimesh.Trimesh":
+) -> Mesh:
     """Mesh a rectangle about `middle` (3,), facing `ahead` (3,), with one side along `along` (3,).
 
     That is the first of its `sides`.
     """
-    import trimesh
-
     first, second, _ = axes(ahead, along)
     half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(sides) / 2
     corners = middle + half @ np.array([first, second])
-    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+    return mesh_of(corners, [[0, 1, 2], [0, 2, 3]])
 
 
-def annulus(middle: Floats, ahead: Floats, inner: float, outer: float) -> "trimesh.Trimesh":
+def annulus(middle: Floats, ahead: Floats, inner: float, outer: float) -> Mesh:
     """Mesh a flat ring about `middle` (3,) that faces `ahead` (3,), between two radii."""
-    import trimesh
-
     first, second, _ = axes(ahead, np.array([1.0, 0.0, 0.0]))
     angle = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
     circle = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second)
@@ -68,10 +57,10 @@ def annulus(middle: Floats, ahead: Floats, inner: float, outer: float) -> "trime
     c, d = b + SEGMENTS, a + SEGMENTS
     # Both halves of a segment are neighbours: faces sampled in order go round the ring.
     faces = np.stack([np.stack([a, d, c], 1), np.stack([a, c, b], 1)], axis=1).reshape(-1, 3)
-    return trimesh.Trimesh(vertices, faces, process=False)
+    return mesh_of(vertices, faces)
 
 
-def irradiance(lamp: "trimesh.Trimesh", at: Floats, normal: Floats) -> float:
+def irradiance(lamp: Mesh, at: Floats, normal: Floats) -> float:
     """Compute the irradiance from a lamp of radiance 1 at `at` (3,) with unit `normal` (3,).
 
     Lambert's formula is half the sum over a polygon's edges of the angle that each subtends times
@@ -88,7 +77,7 @@ def irradiance(lamp: "trimesh.Trimesh", at: Floats, normal: Floats) -> float:
     return float(0.5 * np.sum(angles * (edges @ normal) / sines))
 
 
-def between(lamp: "trimesh.Trimesh", starts: Floats, ends: Floats) -> Mask:
+def between(lamp: Mesh, starts: Floats, ends: Floats) -> Mask:
     """Test whether a lamp crosses the lines from `starts` (n, 3) to `ends` (n, 3).
 
     Each line is cut with every triangle (Moeller and Trumbore 1997).

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.mesh import Mesh, mesh_of
 from vbaa_bench.geometry.tube import tube, tube_faces
 
 # Largest distance [m] of a polygon's sides from its circle: well below the resolution of a camera
@@ -31,7 +31,7 @@ def arc(radius: float, angle: Floats) -> Floats:
     return np.column_stack([-radius * np.sin(angle), radius * (np.cos(angle) - 1)])
 
 
-def prism(outline: Floats, bottom: float, top: float) -> trimesh.Trimesh:
+def prism(outline: Floats, bottom: float, top: float) -> Mesh:
     """Mesh the upright prism over a convex, anticlockwise outline (n, 2) in x-y.
 
     It extends in z from bottom to top. Its vertices are the outline below, the outline above, and
@@ -41,20 +41,20 @@ def prism(outline: Floats, bottom: float, top: float) -> trimesh.Trimesh:
     flat = np.vstack([outline, outline, middle, middle])
     n = len(outline)
     z = np.concatenate([np.full(n, bottom), np.full(n, top), [bottom, top]])
-    return trimesh.Trimesh(np.column_stack([flat, z]), tube_faces(2, n), process=False)
+    return mesh_of(np.column_stack([flat, z]), tube_faces(2, n))
 
 
-def lofted(rings: Floats) -> trimesh.Trimesh:
+def lofted(rings: Floats) -> Mesh:
     """Mesh the body through rings of vertices (rings, n, 3), each anticlockwise seen from the last.
 
     The first and the last ring are closed by a fan about their middles.
     """
     middles = rings[[0, -1]].mean(axis=1)
     vertices = np.vstack([*rings, middles])
-    return trimesh.Trimesh(vertices, tube_faces(*rings.shape[:2]), process=False)
+    return mesh_of(vertices, tube_faces(*rings.shape[:2]))
 
 
-def turned(radii: Floats, heights: Floats) -> trimesh.Trimesh:
+def turned(radii: Floats, heights: Floats) -> Mesh:
     """Mesh a body about the z axis from `radii` (rings, sides) at `heights` (rings,), from below.
 
     A later ring that is lower and narrower makes a pocket.
@@ -64,27 +64,27 @@ def turned(radii: Floats, heights: Floats) -> trimesh.Trimesh:
     return lofted(np.stack([radii * np.cos(angle), radii * np.sin(angle), z], axis=-1))
 
 
-def box(low: Floats, high: Floats) -> trimesh.Trimesh:
+def box(low: Floats, high: Floats) -> Mesh:
     """Mesh the upright box between two opposite corners, each (3,) [m]."""
     (left, back, bottom), (right, front, top) = low, high
     outline = np.array([[right, front], [left, front], [left, back], [right, back]])
     return prism(outline, bottom, top)
 
 
-def rod(start: Floats, end: Floats, radius: float) -> trimesh.Trimesh:
+def rod(start: Floats, end: Floats, radius: float) -> Mesh:
     """Mesh a straight round rod between two different points, each (3,) [m]."""
     return tube(np.array([start, end]), radius, 64)
 
 
-def together(bodies: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+def together(bodies: Sequence[Mesh]) -> Mesh:
     """Join several bodies into one mesh; each stays closed in itself."""
     first = np.cumsum([0] + [len(body.vertices) for body in bodies[:-1]])
     faces = [body.faces + start for body, start in zip(bodies, first, strict=True)]
     vertices = np.vstack([body.vertices for body in bodies])
-    return trimesh.Trimesh(vertices, np.vstack(faces), process=False)
+    return mesh_of(vertices, np.vstack(faces))
 
 
-def slab(front: Floats, back: Floats) -> trimesh.Trimesh:
+def slab(front: Floats, back: Floats) -> Mesh:
     """Mesh the body between two grids of points (n, m, 3) [m], closed along their rims.
 
     Seen from outside, the front's first index increases to the left and its second upwards.
@@ -98,7 +98,7 @@ def slab(front: Floats, back: Floats) -> trimesh.Trimesh:
     skirt = _quads(rim, rim + offset, next_rim + offset, next_rim)
     vertices = np.vstack([front.reshape(-1, 3), back.reshape(-1, 3)])
     faces = np.vstack([face, face[:, ::-1] + offset, skirt])
-    return trimesh.Trimesh(vertices, faces, process=False)
+    return mesh_of(vertices, faces)
 
 
 def _quads(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -1,10 +1,10 @@
 """Watertight mesh of the beam's surface, swept along its centreline."""
 
 import numpy as np
-import trimesh
 
 from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
+from vbaa_bench.geometry.mesh import Mesh, mesh_of
 
 
 def tube(
@@ -15,7 +15,7 @@ def tube(
     aspect_ratio: float = 1.0,
     *,
     caps_apart: bool = False,
-) -> trimesh.Trimesh:
+) -> Mesh:
     """Mesh a closed tube about `centreline` (n, 3) [m] with a radius [m] and `facets` round.
 
     The radius may taper, (n,). The section's first axis follows `director` (n, 3), unit vectors
@@ -38,7 +38,7 @@ def strip(
     width: float,
     *,
     caps_apart: bool = False,
-) -> trimesh.Trimesh:
+) -> Mesh:
     """Mesh a closed strip about `centreline` (n, 3) [m] of rectangular section.
 
     Its thickness [m] is along `director` (n, 3), unit vectors across the curve, and its width
@@ -54,7 +54,7 @@ def _swept(
     outline: Floats,
     scale: float | Floats,
     caps_apart: bool,
-) -> trimesh.Trimesh:
+) -> Mesh:
     """Mesh the surface of a section (facets, 2) swept along the curve and scaled, () or (n,)."""
     tangents = _tangents(centreline)
     if director is None:
@@ -74,7 +74,7 @@ def _swept(
     else:
         faces = tube_faces(n, facets)
         vertices = np.vstack([*rings, centreline[ends]])
-    return trimesh.Trimesh(vertices, faces, process=False)
+    return mesh_of(vertices, faces)
 
 
 def tube_faces(rings: int, facets: int) -> np.ndarray:

@@ -55,10 +55,10 @@ def scene_of_map(file: SceneFile, information: str) -> SceneFile:
     Raises InputError if the object is not touched at a place, if the readings of the `information`
     set are missing, and for linear mechanics.
     """
-    kind, sensors = file.scene.object.kind, nominal_rig(file.scene).sensors
-    if kind in ("none", "wall", "weight"):
-        lack = "normal force" if kind == "weight" else "contact distance"
-        message = f"is {kind}, which has no {lack}; allowed is any other"
+    spec, sensors = file.scene.object, nominal_rig(file.scene).sensors
+    if not spec.present or spec.gap() is not None or spec.mass() is not None:
+        lack = "contact distance" if spec.mass() is None else "normal force"
+        message = f"is {spec.kind}, which has no {lack}; allowed is any other"
         raise InputError(file.message_at(("object", "kind"), message))
     if file.scene.mechanics == "linear":
         message = "is linear, but the limits are those of the exact beam"

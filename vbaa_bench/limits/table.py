@@ -22,7 +22,6 @@ from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.weight import WeightSpec
 
 T = TypeVar("T")
 Visible = Callable[[Pose], Floats]
@@ -109,7 +108,7 @@ class LimitsOfPushes:
         `visible` computes the visible fraction (n,) of PLACES equal parts of the beam; `learned` is
         the information of other pushes on the rig.
         """
-        if self.scene.mechanics == "linear" or isinstance(specs[0].scene.object, WeightSpec):
+        if self.scene.mechanics == "linear" or specs[0].scene.object.mass() is not None:
             return []
         key = self._key(specs[0])
         limits = self._repeated.get(key)

@@ -5,13 +5,15 @@ touched edge. A beam of radius r touches where the distance to its centreline is
 """
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import trimesh
 from scipy.spatial import cKDTree
 
 from solver.instrument.arrays import Floats
+
+if TYPE_CHECKING:
+    import trimesh  # not when it runs: scenes are read without it
 
 # Faces that meet at less than this angle [rad] are one face: mesh files have about seven digits.
 MIN_EDGE_ANGLE = 1e-4
@@ -101,7 +103,7 @@ def ball(radius: float) -> Ball:
 class Solid:
     """Closed mesh [m] that a straight beam touches at one of its edges, or at a corner."""
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
+    def __init__(self, mesh: "trimesh.Trimesh") -> None:
         # A beam rests on convex edges, not on those of dents and of flat faces.
         convex = mesh.face_adjacency_convex & (mesh.face_adjacency_angles > MIN_EDGE_ANGLE)
         self._ends = np.asarray(mesh.vertices)[mesh.face_adjacency_edges[convex]]

@@ -17,11 +17,18 @@ class PaintedPart(Part):
     Bare steel has the reflectance of iron, and matt black has 0.03.
     """
 
-    paint: Paint = "matt"
-    reflectance: Fraction = 0.16
-    # Alpha of the rough surface of gloss and bare. Below, the narrow reflection could not be
-    # sampled; above, the surface would lose light between its own slopes.
-    roughness: Annotated[float, Field(ge=0.1, le=0.6)] = 0.3
+    paint: Paint = Field(
+        default="matt",
+        description="Surface: matt paint, painted steel, steel without paint, or matt black.",
+    )
+    reflectance: Fraction = Field(
+        default=0.16, description="Reflectance of matt and gloss paint; others have their own."
+    )
+    # Below, the narrow reflection could not be sampled; above, the surface would lose light between
+    # its own slopes.
+    roughness: Annotated[float, Field(ge=0.1, le=0.6)] = Field(
+        default=0.3, description="Roughness alpha of the surface of gloss and bare."
+    )
 
 
 class ImageTextureSpec(Part):

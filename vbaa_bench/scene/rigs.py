@@ -19,7 +19,6 @@ from vbaa_bench.scene.camera import CalibrationSpec
 from vbaa_bench.scene.light_direction import light_across, light_direction
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.weight import WeightSpec
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def nominal_rig(scene: Scene) -> Rig:
 
 def _stated_gravity(scene: Scene) -> Gravity | None:
     """Return the direction of gravity in plane C that a hung weight needs."""
-    if not isinstance(scene.object, WeightSpec):
+    if scene.object.mass() is None:
         return None
     x, y, _ = scene.gravity_m_s2
     return Gravity(math.atan2(y, x), scene.tolerances.gravity_deg * DEGREE)
@@ -111,7 +110,7 @@ def _stated_gravity(scene: Scene) -> Gravity | None:
 
 def _deflects_towards(scene: Scene) -> int:
     """Return the side of Sigma_a's y axis to which contact bends the beam, as 1 or -1."""
-    hangs_back = isinstance(scene.object, WeightSpec) and scene.gravity_m_s2[1] < 0
+    hangs_back = scene.object.mass() is not None and scene.gravity_m_s2[1] < 0
     return -1 if hangs_back else 1
 
 

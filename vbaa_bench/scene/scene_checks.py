@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 from vbaa_bench.scene.beam import BeamSpec
 from vbaa_bench.scene.lights.soft import LightSpec
-from vbaa_bench.scene.objects import NothingSpec
+from vbaa_bench.scene.objects.weight import weight_mistake
 from vbaa_bench.scene.push_spec import MAX_FRAMES, PushSpec
-from vbaa_bench.scene.weight import WeightSpec, weight_mistake
 
 if TYPE_CHECKING:
     from vbaa_bench.scene.schema import Scene
@@ -61,8 +60,9 @@ def _wires(scene: "Scene") -> None:
             "wires and clamp are both given, allowed is one of them: the clamp's cable would "
             "pass through the wires"
         )
-    for name, part in (("object", scene.object), ("second_peg", scene.second_peg)):
-        if part is None or isinstance(part, NothingSpec):
+    parts = {"object": scene.object if scene.object.present else None}
+    for name, part in (parts | {"second_peg": scene.second_peg}).items():
+        if part is None:
             continue
         bottom = getattr(part, "bottom_mm", None)
         if bottom is None or bottom <= wires.highest_mm:
@@ -86,7 +86,7 @@ def _pushes(scene: "Scene") -> None:
     if (scene.pushes is None) == (scene.sampling is None):
         raise ValueError("exactly one of pushes and sampling must be given")
     if scene.pushes is not None:
-        wall = scene.object.kind == "wall"
+        wall = scene.object.gap() is not None
         if (scene.pushes.contact_distance_mm is None) != wall:
             raise ValueError(
                 "pushes.contact_distance_mm must be given, except for a wall, which has none"
@@ -94,7 +94,7 @@ def _pushes(scene: "Scene") -> None:
         angles = scene.pushes.pushing_angle_deg
         if wall and angles is None:
             raise ValueError("a wall needs pushing_angle_deg, a deflection is not allowed")
-        if scene.object.kind == "none" and (angles is None or max(angles) > 0):
+        if not scene.object.present and (angles is None or max(angles) > 0):
             raise ValueError(
                 "object.kind is none, so there is no contact: pushing_angle_deg must be <= 0"
             )
@@ -123,7 +123,8 @@ def _frame_count(scene: "Scene") -> None:
 
 
 def _sampling(scene: "Scene") -> None:
-    if scene.sampling is not None and scene.object.kind in ("none", "wall"):
+    has_distance = scene.object.present and scene.object.gap() is None
+    if scene.sampling is not None and not has_distance:
         raise ValueError(
             f"object.kind is {scene.object.kind}, which has no contact distance to sample; "
             "allowed with sampling is any other"
@@ -131,7 +132,7 @@ def _sampling(scene: "Scene") -> None:
 
 
 def _weight(scene: "Scene") -> None:
-    if not isinstance(scene.object, WeightSpec):
+    if scene.object.mass() is None:
         return
     # A hung weight's motion and its other supports are not modelled.
     parts = {
@@ -158,7 +159,7 @@ def _strip(scene: "Scene") -> None:
     angle = scene.beam.section_angle_deg
     normals = scene.pushes.normal_deg if scene.pushes else ()
     normals += scene.sampling.normal_deg if scene.sampling else ()
-    if scene.object.kind not in ("block", "knife_edge") or scene.second_peg:
+    if not scene.object.sharp or scene.second_peg:
         raise ValueError("a strip needs a single object, block or knife_edge")
     if any(normal != angle for normal in normals):
         raise ValueError(
@@ -178,7 +179,7 @@ def _motion(scene: "Scene") -> None:
             f"{sensor.exposure_s:g}{rolling}: the motor turns by {rotation:g} degrees while "
             "the shutter is open, allowed is up to 5"
         )
-    if rotation and scene.object.kind == "none":
+    if rotation and not scene.object.present:
         raise ValueError("motor_speed_deg_s is given, but object.kind is none")
     history_keys = [name for name in ("friction",) if getattr(scene.object, name, 0)]
     history_keys += ["drift_mm"] if any(getattr(scene.object, "drift_mm", ())) else []
@@ -218,7 +219,7 @@ def _linear(scene: "Scene") -> None:
     unsupported += ["clamp_offset_mm"] if any(scene.clamp_offset_mm) else []
     unsupported += ["second_peg"] if scene.second_peg else []
     unsupported += ["object.drift_mm"] if any(getattr(scene.object, "drift_mm", ())) else []
-    if scene.object.kind not in ("block", "knife_edge", "plunger"):
+    if not scene.object.linear:
         unsupported.append(f"object.kind {scene.object.kind}")
     if scene.mechanics == "linear" and unsupported:
         raise ValueError(

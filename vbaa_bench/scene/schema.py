@@ -21,14 +21,11 @@ from vbaa_bench.scene.laboratory import (
 )
 from vbaa_bench.scene.lighting import BackgroundSpec, FlickerSpec
 from vbaa_bench.scene.lights.ambient import AmbientSpec
-from vbaa_bench.scene.lights.light import AnyLight, Setting
+from vbaa_bench.scene.lights.light import AnyLight, LightSetting
 from vbaa_bench.scene.lights.soft import LightSpec
-from vbaa_bench.scene.objects import (
-    BlockSpec,
-    ObjectSpec,
-    OcclusionSpec,
-    SecondPegSpec,
-)
+from vbaa_bench.scene.objects.block import BlockSpec
+from vbaa_bench.scene.objects.object import AnyObject
+from vbaa_bench.scene.occlusion import OcclusionSpec
 from vbaa_bench.scene.optics import OpticsSpec
 from vbaa_bench.scene.part import (
     Onset,
@@ -41,6 +38,7 @@ from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec, SplitSpec
 from vbaa_bench.scene.scene_checks import CHECKS
+from vbaa_bench.scene.second_peg import SecondPegSpec
 from vbaa_bench.scene.unit_values import Method
 from vbaa_bench.scene.wires import WiresSpec
 
@@ -92,7 +90,7 @@ class Scene(Part):
     background: BackgroundSpec = BackgroundSpec()
     clutter: ClutterSpec | None = None
     wires: WiresSpec | None = None
-    object: ObjectSpec = BlockSpec()
+    object: AnyObject = BlockSpec()
     second_peg: SecondPegSpec | None = None
     occlusion: OcclusionSpec | None = None
     hub: HubSpec = HubSpec()
@@ -114,10 +112,10 @@ class Scene(Part):
         return pushes.motor_angle_at_contact_deg
 
     @property
-    def light_setting(self) -> Setting:
+    def light_setting(self) -> LightSetting:
         """What the places of lights may refer to."""
         camera = self.camera
-        return Setting(camera.position_mm, camera.look_at_mm, self.background.distance_mm)
+        return LightSetting(camera.position_mm, camera.look_at_mm, self.background.distance_mm)
 
     @model_validator(mode="before")
     @classmethod

@@ -11,10 +11,11 @@ import trimesh
 from solver.instrument.images import CHANNELS, eight_bit, png_head, read_grey
 from tests.robustness.fuzz.damage import damaged
 from tests.robustness.fuzz.pictures import picture
-from vbaa_bench.assembly.mesh_file import KINDS, read_mesh, touching
+from vbaa_bench.assembly.mesh_file import KINDS, read_mesh
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.scene_files import read_file
 from vbaa_bench.render.image_files import read_environment, read_surface_image
+from vbaa_bench.scene.objects.mesh import touching
 
 _NUMBERS: Final = (
     *("0", "-1", "nan", "inf", "1e308", "1e400", "99999999999", "1/2/3", "x", "", "1e-300"),

@@ -48,7 +48,7 @@ def test_a_hung_weight_pulls_down_in_the_world_at_every_motor_angle() -> None:
         assert row["y_c_mm"] > 1.0
         down = np.asarray(experiment.touched_mesh(state, spec.step).vertices) @ turn.T @ gravity
         hook = turn @ state.contact.point @ gravity
-        low = (scene.object.thread_length_mm + scene.object.weight_height_mm) * 1e-3  # type: ignore[union-attr]
+        low = (scene.object.thread_length_mm + scene.object.weight_height_mm) * 1e-3  # type: ignore[attr-defined]
         assert down.max() - hook == pytest.approx(9.81 * low, rel=1e-9)
 
 

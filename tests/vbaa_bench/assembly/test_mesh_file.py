@@ -8,11 +8,13 @@ import trimesh
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import rigid
 from vbaa_bench.assembly import mesh_file
-from vbaa_bench.assembly.mesh_file import touching
 from vbaa_bench.dataset.scene_files import read_file
-from vbaa_bench.geometry.objects import cylinder, knife_edge, sphere
 from vbaa_bench.geometry.solids import box
 from vbaa_bench.scene.files import MAX_BYTES
+from vbaa_bench.scene.objects.cylinder import cylinder
+from vbaa_bench.scene.objects.knife_edge import knife_edge
+from vbaa_bench.scene.objects.mesh import touching
+from vbaa_bench.scene.objects.sphere import sphere
 
 RADIUS = 0.4e-3
 

@@ -15,7 +15,7 @@ from solver.instrument.hashes import HASHES, hashes_bytes
 from tests.conftest import SMALL_SCENE
 from tests.sealing import reseal
 from vbaa_bench.api.verification import verify
-from vbaa_bench.assembly.bodies import Body
+from vbaa_bench.assembly.mesh_file import SceneMeshes
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.identity import (
     OtherDatasetError,
@@ -35,6 +35,7 @@ from vbaa_bench.generation.pushes import Pushes, PushSolver
 from vbaa_bench.scene.files import MAX_BYTES, SceneFileError, named_files
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene, recorded_scene
+from vbaa_bench.scene.objects.object import ObjectSetting
 from vbaa_bench.scene.random_keys import parse
 from vbaa_bench.scene.rigs import true_rig
 from vbaa_bench.scene.schema import Scene
@@ -152,11 +153,11 @@ def test_an_edited_file_is_refused_by_name_with_the_remedy(
 
 def test_a_copy_is_compared_whenever_it_is_read(layout: Layout, tmp_path: Path) -> None:
     read_file(layout.files, "a.stl", "mesh")
-    body = Body(mesh_spec(tmp_path), 0.4e-3, -0.03, layout.files)
-    assert body.mesh(0.0).is_watertight
+    spec, setting = mesh_spec(tmp_path), ObjectSetting(0.4e-3, -0.03, SceneMeshes(layout.files))
+    assert spec.mesh(setting).is_watertight
     trimesh.creation.box(extents=(9, 10, 10)).export(layout.files / "a.stl")
     with pytest.raises(SceneFileError, match=r"a\.stl: is not the file with which the dataset"):
-        body.mesh(0.0)
+        spec.mesh(setting)
     (layout.files / "other.stl").write_bytes((tmp_path / "a.stl").read_bytes())
     with pytest.raises(SceneFileError, match="is not a file that the dataset's scene names"):
         read_file(layout.files, "other.stl", "mesh")
@@ -170,10 +171,10 @@ def mesh_spec(folder: Path) -> Any:
 
 def test_a_mesh_that_is_edited_between_two_scenes_is_read_again(tmp_path: Path) -> None:
     write_files(tmp_path)
-    body = Body(mesh_spec(tmp_path), 0.4e-3, -0.03, tmp_path)
-    first = body.mesh(0.0).volume
+    spec, setting = mesh_spec(tmp_path), ObjectSetting(0.4e-3, -0.03, SceneMeshes(tmp_path))
+    first = spec.mesh(setting).volume
     write_files(tmp_path, 11.0)  # a file of the same size
-    assert body.mesh(0.0).volume > 1.2 * first
+    assert spec.mesh(setting).volume > 1.2 * first
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import pytest
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
 from tests.draws import scene_seed
-from vbaa_bench.geometry.objects import block
 from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.render.affected_pixels import View, shadows
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame, render_static_layer
@@ -19,6 +18,7 @@ from vbaa_bench.render.world import World
 from vbaa_bench.scene.lights.emitter import Emitter, Lamp
 from vbaa_bench.scene.lights.environment import Environment
 from vbaa_bench.scene.lights.spot import Spot
+from vbaa_bench.scene.objects.block import block
 
 MIDDLE = np.array([0.12, 0.0, 0.0])
 CAMERA = Camera(

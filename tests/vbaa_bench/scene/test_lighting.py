@@ -55,5 +55,5 @@ def test_todays_light_needs_no_new_key() -> None:
     plain = scene(light={"side_mm": 700.0, "height_mm": 420.0})
     assert plain == scene()
     assert plain.lights == ()
-    assert (plain.beam.paint, plain.object.paint, plain.hub.paint) == ("gloss", "matt", "matt")  # type: ignore[union-attr]
+    assert (plain.beam.paint, plain.object.paint, plain.hub.paint) == ("gloss", "matt", "matt")  # type: ignore[attr-defined]
     assert (plain.beam.reflectance, plain.hub.reflectance) == (0.85, 0.10)

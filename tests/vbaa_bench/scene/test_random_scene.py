@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from textwrap import dedent
+from typing import Any
 
 import pytest
 
@@ -32,7 +33,7 @@ def test_a_key_is_drawn_per_rig_push_or_frame(tmp_path: Path) -> None:
     specs = sorted(frame_specs(file.scene), key=lambda spec: spec.index)
     assert len(specs) == 12
     assert {spec.scene.beam.diameter_mm for spec in specs} == {file.scene.beam.diameter_mm}
-    assert len({spec.scene.object.radius_mm for spec in specs}) == 6  # type: ignore[union-attr]
+    assert len({spec.scene.object.radius_mm for spec in specs}) == 6  # type: ignore[attr-defined]
     for one, other in zip(specs[::2], specs[1::2], strict=True):
         assert one.push_id == other.push_id
         assert one.scene.object == other.scene.object
@@ -70,13 +71,13 @@ def test_a_whole_section_is_chosen_with_its_own_random_keys(tmp_path: Path) -> N
         PUSHES.replace("repeats: 6", "repeats: 60"),
     )
     specs = sorted(frame_specs(file.scene), key=lambda spec: spec.index)
-    objects = [spec.scene.object for spec in specs]
+    objects: list[Any] = [spec.scene.object for spec in specs]
     blocks = [one for one in objects if one.kind == "block"]
     assert 50 < len(blocks) < 110  # of 120 frames, two in three
     assert {one.paint for one in blocks} == {"matt", "gloss"}
     assert {one.paint for one in objects if one.kind == "peg"} == {"matt"}
     assert any(
-        first.paint != second.paint  # type: ignore[union-attr]
+        first.paint != second.paint
         for first, second in zip(objects[::2], objects[1::2], strict=True)
     )
 

@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from vbaa_bench.generation.workers import Pool
 
 from solver.instrument.errors import InputError
 from tests.forgotten import forgotten
 from tests.vbaa_bench.residents import KindsOfLight
+from vbaa_bench.scene.kinds import Kinds
 from vbaa_bench.scene.lights.light import LIGHTS
 from vbaa_bench.scene.load import SceneFile, check_scene
+from vbaa_bench.scene.objects.object import OBJECTS
 from vbaa_bench.scene.user_modules import modules_in_use, use_module
+from vbaa_bench.workers.pool import Pool
 
 GLOW = '''
 from typing import Literal
@@ -137,6 +139,7 @@ def test_worker_processes_get_the_module_with_their_first_job(folder: Path) -> N
         assert [module.name for module in modules_in_use()] == ["glowing"]
 
 
-def test_every_key_of_a_kind_of_light_has_a_description() -> None:
-    fields = [field for model in LIGHTS.models.values() for field in model.model_fields.items()]
+@pytest.mark.parametrize("family", [LIGHTS, OBJECTS], ids=["lights", "objects"])
+def test_every_key_of_a_kind_has_a_description(family: Kinds[Any]) -> None:
+    fields = [field for model in family.models.values() for field in model.model_fields.items()]
     assert [name for name, field in fields if name != "kind" and not field.description] == []

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from vbaa_bench.geometry.sheets import rectangle
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import ALONG, AimedKind, Files, Setting, Sides, metres
+from vbaa_bench.scene.lights.light import ALONG, AimedKind, Files, LightSetting, Sides, metres
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Triple
 
@@ -22,12 +22,12 @@ class AreaSpec(AimedKind):
         default=(300, 200), description="Lengths of the first and the second side."
     )
 
-    def emitter(self, setting: Setting, _files: Files) -> Lamp:
+    def emitter(self, setting: LightSetting, _files: Files) -> Lamp:
         """Build the lamp, perpendicular to the direction to its aim."""
         position, aim = self.ends(setting)
         mesh = rectangle(position, aim - position, ALONG, metres(self.size_mm))
         return Lamp.of_irradiance(mesh, aim, self.irradiance)
 
-    def tangent(self, _setting: Setting, sight: Sight) -> Tangent:
+    def tangent(self, _setting: LightSetting, sight: Sight) -> Tangent:
         """Compute the direction to the middle of the lamp."""
         return sight.to(np.array(self.position_mm), math.prod(self.size_mm))

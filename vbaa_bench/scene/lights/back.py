@@ -8,7 +8,7 @@ from pydantic import Field
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.sheets import rectangle
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import ALONG, UP, Files, LightKind, Setting, Sides, metres
+from vbaa_bench.scene.lights.light import ALONG, UP, Files, LightKind, LightSetting, Sides, metres
 from vbaa_bench.scene.lights.sight import NO_SHADING, Sight, Tangent
 from vbaa_bench.scene.part import Positive
 
@@ -25,7 +25,7 @@ class BackSpec(LightKind):
         default=0.5, description="Height of the panel above the background."
     )
 
-    def mistake(self, setting: Setting) -> str | None:
+    def mistake(self, setting: LightSetting) -> str | None:
         """Describe a panel above plane C."""
         if self.height_above_background_mm < setting.ground_mm:
             return None
@@ -35,17 +35,17 @@ class BackSpec(LightKind):
             f"{setting.ground_mm:g}, or it would be above plane C"
         )
 
-    def panel_mm(self, setting: Setting) -> float:
+    def panel_mm(self, setting: LightSetting) -> float:
         """Return the height of the panel."""
         return self.height_above_background_mm - setting.ground_mm
 
-    def emitter(self, setting: Setting, _files: Files) -> Lamp:
+    def emitter(self, setting: LightSetting, _files: Files) -> Lamp:
         """Build the panel, facing up, below the camera's look-at."""
         x, y, _ = setting.look_at
         middle = np.array([x, y, self.panel_mm(setting) * MILLIMETRE])
         mesh = rectangle(middle, UP, ALONG, metres(self.size_mm))
         return Lamp.of_irradiance(mesh, middle * [1, 1, 0], self.irradiance)
 
-    def tangent(self, _setting: Setting, _sight: Sight) -> Tangent:
+    def tangent(self, _setting: LightSetting, _sight: Sight) -> Tangent:
         """Return no shading: in front of a panel the beam is a shadow."""
         return NO_SHADING

@@ -6,15 +6,13 @@ Radiance and irradiance are therefore in one arbitrary unit.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.mesh import Mesh
 from vbaa_bench.geometry.sheets import irradiance
-
-if TYPE_CHECKING:
-    import trimesh
 
 
 class Emitter(ABC):
@@ -47,11 +45,11 @@ class Emitter(ABC):
 class Lamp(Emitter):
     """A sheet that emits a uniform `radiance` from its front side."""
 
-    mesh: "trimesh.Trimesh"
+    mesh: Mesh
     radiance: float = 1.0
 
     @classmethod
-    def of_irradiance(cls, mesh: "trimesh.Trimesh", aim: Floats, of_aim: float) -> "Lamp":
+    def of_irradiance(cls, mesh: Mesh, aim: Floats, of_aim: float) -> "Lamp":
         """Return a lamp with the irradiance `of_aim` on a sheet at `aim` (3,) that faces it."""
         towards = np.asarray(mesh.vertices).mean(axis=0) - aim
         return cls(mesh, of_aim / irradiance(mesh, aim, towards / np.linalg.norm(towards)))

@@ -15,7 +15,7 @@ from solver.instrument.units import DEGREE
 from vbaa_bench.scene.files import EnvironmentName
 from vbaa_bench.scene.lights.ambient import EVEN
 from vbaa_bench.scene.lights.emitter import Emitter
-from vbaa_bench.scene.lights.light import Files, LightKind, Setting
+from vbaa_bench.scene.lights.light import Files, LightKind, LightSetting
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Turn
 
@@ -71,13 +71,13 @@ class EnvironmentSpec(LightKind):
     )
     rotation_deg: Turn = Field(default=0, description="Turn of the surroundings about +z.")
 
-    def emitter(self, _setting: Setting, files: Files) -> Environment:
+    def emitter(self, _setting: LightSetting, files: Files) -> Environment:
         """Build the map of radiances."""
         image = laboratory() if self.file is None else files.environment(self.file)
         image = rotated(image, self.rotation_deg * DEGREE)
         return Environment(image * self.irradiance / plane_irradiance(image))
 
-    def tangent(self, _setting: Setting, sight: Sight) -> Tangent:
+    def tangent(self, _setting: LightSetting, sight: Sight) -> Tangent:
         """Return a direction that is hardly known, as of even light."""
         return Tangent(0.0, ENVIRONMENT_SIGMA, EVEN * sight.convergence)
 

@@ -18,7 +18,7 @@ ALONG: Final = np.array([1.0, 0.0, 0.0])
 UP: Final = np.array([0.0, 0.0, 1.0])
 
 
-class Setting(NamedTuple):
+class LightSetting(NamedTuple):
     """What the places of lights may refer to, in the frame in which the camera is fixed.
 
     `ground_mm` is the distance of the background below plane C.
@@ -60,18 +60,18 @@ class LightKind(Part, ABC):
     kind: str
 
     @abstractmethod
-    def emitter(self, setting: Setting, files: Files) -> Emitter:
+    def emitter(self, setting: LightSetting, files: Files) -> Emitter:
         """Build the light for the renderer. Raises SceneFileError for a file it cannot use."""
 
     @abstractmethod
-    def tangent(self, setting: Setting, sight: Sight) -> Tangent:
+    def tangent(self, setting: LightSetting, sight: Sight) -> Tangent:
         """Compute the direction from which the light comes, as a laboratory knows it."""
 
-    def mistake(self, _setting: Setting) -> str | None:
+    def mistake(self, _setting: LightSetting) -> str | None:
         """Describe what is impossible in a scene with this setting; None if nothing is."""
         return None
 
-    def panel_mm(self, _setting: Setting) -> float | None:
+    def panel_mm(self, _setting: LightSetting) -> float | None:
         """Return the height [mm] above plane C of a panel behind the beam; None for other lights.
 
         It is off while a calibration board is in front of it.
@@ -88,7 +88,7 @@ class AimedKind(LightKind):
         description="Point at which the light is aimed, by default that at which the camera looks.",
     )
 
-    def mistake(self, setting: Setting) -> str | None:
+    def mistake(self, setting: LightSetting) -> str | None:
         """Describe a light at its own aim."""
         aim = self.aim_mm or setting.look_at_mm
         if self.position_mm != aim:
@@ -98,12 +98,12 @@ class AimedKind(LightKind):
             "is any other position"
         )
 
-    def ends(self, setting: Setting) -> tuple[Floats, Floats]:
+    def ends(self, setting: LightSetting) -> tuple[Floats, Floats]:
         """Return position and aim (3,), (3,) [m]."""
         aim = setting.look_at_mm if self.aim_mm is None else self.aim_mm
         return metres(self.position_mm), metres(aim)
 
-    def tangent(self, _setting: Setting, sight: Sight) -> Tangent:
+    def tangent(self, _setting: LightSetting, sight: Sight) -> Tangent:
         """Compute the direction to the position of the light."""
         return sight.to(np.array(self.position_mm), 0.0)
 

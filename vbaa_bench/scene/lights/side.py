@@ -10,7 +10,7 @@ from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.sheets import rectangle
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import ALONG, UP, Files, LightKind, Setting, Sides, metres
+from vbaa_bench.scene.lights.light import ALONG, UP, Files, LightKind, LightSetting, Sides, metres
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Positive, Turn
 
@@ -33,7 +33,7 @@ class SideSpec(LightKind):
         default=(400, 100), description="Lengths of the level and the other side."
     )
 
-    def emitter(self, setting: Setting, _files: Files) -> Lamp:
+    def emitter(self, setting: LightSetting, _files: Files) -> Lamp:
         """Build the lamp, perpendicular to the direction to the camera's look-at."""
         aim = setting.look_at
         away = turn_about_z(self.azimuth_deg * DEGREE)[:3, :3] @ ALONG
@@ -43,7 +43,7 @@ class SideSpec(LightKind):
         mesh = rectangle(middle, -direction, np.cross(UP, away), metres(self.size_mm))
         return Lamp.of_irradiance(mesh, aim, self.irradiance)
 
-    def tangent(self, setting: Setting, sight: Sight) -> Tangent:
+    def tangent(self, setting: LightSetting, sight: Sight) -> Tangent:
         """Compute the direction to the middle of the lamp."""
         azimuth, elevation = self.azimuth_deg * DEGREE, self.elevation_deg * DEGREE
         ahead = np.array([math.cos(azimuth), math.sin(azimuth), math.tan(elevation)])

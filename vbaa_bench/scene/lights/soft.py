@@ -6,7 +6,7 @@ from pydantic import Field
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import Setting
+from vbaa_bench.scene.lights.light import LightSetting
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Part, Positive
 
@@ -17,13 +17,13 @@ class LightSpec(Part):
     side_mm: Positive = Field(default=700, description="Side of the square.")
     height_mm: Positive = Field(default=420, description="Height of the lamp above plane C.")
 
-    def emitter(self, setting: Setting, *, raised: bool) -> Lamp:
+    def emitter(self, setting: LightSetting, *, raised: bool) -> Lamp:
         """Build the lamp of radiance 1; `raised` to above the camera where it is lower."""
         x, y, z = setting.camera_mm
         height = max(self.height_mm, 1.1 * z) if raised else self.height_mm
         middle = np.array([x, y, height]) * MILLIMETRE
         return Lamp(sheet(middle, self.side_mm * MILLIMETRE, -1))
 
-    def tangent(self, setting: Setting, sight: Sight) -> Tangent:
+    def tangent(self, setting: LightSetting, sight: Sight) -> Tangent:
         """Compute the direction to the middle of the lamp."""
         return sight.to(np.array([*setting.camera_mm[:2], self.height_mm]), self.side_mm**2)

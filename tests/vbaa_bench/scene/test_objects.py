@@ -6,18 +6,16 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from vbaa_bench.geometry.objects import (
-    adaptor,
-    block,
-    cylinder,
-    knife_edge,
-    pad,
-    plunger,
-    sphere,
-    wall,
-)
+from vbaa_bench.geometry.hub import adaptor
 from vbaa_bench.geometry.solids import slab
-from vbaa_bench.geometry.weight import weight
+from vbaa_bench.scene.objects.block import block
+from vbaa_bench.scene.objects.cylinder import cylinder
+from vbaa_bench.scene.objects.knife_edge import knife_edge
+from vbaa_bench.scene.objects.pad import pad
+from vbaa_bench.scene.objects.plunger import plunger
+from vbaa_bench.scene.objects.sphere import sphere
+from vbaa_bench.scene.objects.wall import wall
+from vbaa_bench.scene.objects.weight import weight
 
 BEAM_RADIUS = 0.4e-3
 

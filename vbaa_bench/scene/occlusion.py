@@ -1,0 +1,44 @@
+"""Occluders that hide the beam from the camera."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from vbaa_bench.scene.paint import PaintedPart
+from vbaa_bench.scene.part import Fraction, Positive
+
+
+class OcclusionSpec(PaintedPart):
+    """Occlusions of the beam: every frame is repeated for every kind, place and availability.
+
+    Availability is the paper's AR (eq. 32): the visible fraction of the beam's length.
+    The hidden segment begins at the clamp, is about the contact or the middle, or ends at the
+    tip. `removed` hides nothing in the image; the solver ignores that segment instead, as in the
+    paper. The others are bodies between beam and camera.
+    """
+
+    kind: Annotated[tuple[Literal["removed", "sheet", "bars", "leaves"], ...], Field(min_length=1)]
+    place: Annotated[
+        tuple[Literal["base", "contact", "middle", "tip"], ...], Field(min_length=1)
+    ] = ("contact",)
+    availability: Annotated[
+        tuple[Annotated[float, Field(gt=0, le=1)], ...], Field(min_length=1)
+    ] = (0.6,)
+    height_mm: Positive = 8
+    reflectance: Fraction = 0.12
+    # Number of bars, with gaps between them, or of leaves, at random places.
+    count: Annotated[int, Field(ge=1, le=200)] = 6
+
+    @model_validator(mode="after")
+    def _check_bodies(self) -> "OcclusionSpec":
+        bodies = set(self.kind) - {"removed"}
+        if len(bodies) > 1:
+            raise ValueError(
+                f"kind is {list(self.kind)}, allowed is removed and one of sheet, bars, leaves"
+            )
+        return self
+
+    @property
+    def body(self) -> str | None:
+        """Kind of the occluding body in frames whose cover is not `removed`, or None."""
+        return next((kind for kind in self.kind if kind != "removed"), None)
