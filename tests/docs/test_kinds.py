@@ -99,7 +99,7 @@ def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -
 def test_the_commands_of_the_page_use_the_module(folder: Path) -> None:
     (text,) = blocks("sh")
     lines = [line.partition("#")[0].split()[1:] for line in text.splitlines()]
-    assert [line[0] for line in lines] == ["preview", "run"]
+    assert [line[0] for line in lines] == ["view", "run"]
     app([*lines[0], "--module", "my_object"], standalone_mode=False)
     assert (folder / "my_scene_0.png").is_file()
     assert [module.name for module in modules_in_use()] == ["my_lamp", "my_object"]
@@ -112,5 +112,5 @@ def test_every_command_that_builds_a_scene_takes_modules() -> None:
         for name, command in commands.items()
         if any("--module" in parameter.opts for parameter in command.params)
     }
-    makers = {"run", "preview", "plan", "generate", "merge", "verify", "stress"}
+    makers = {"run", "generate", "merge", "verify", "stress"}
     assert takers == makers | {"limits", "budget", "view"}
