@@ -115,8 +115,13 @@ def test_sizes_are_bounded_before_memory_is_allocated(
         read_json(tmp_path / "large.json")
 
 
-# Each unpickles only what its own parent process has sent it through a pipe.
-PIPES = {"solver/first_start.py", "vbaa_bench/generation/worker_process.py"}
+# Each unpickles only what its own parent process has sent it through a pipe, or the client of its
+# Dask cluster, which sends it code in any case.
+PIPES = {
+    "solver/first_start.py",
+    "vbaa_bench/workers/cluster.py",
+    "vbaa_bench/workers/worker_process.py",
+}
 
 
 def test_no_file_is_unpickled() -> None:
