@@ -12,34 +12,63 @@ from vbaa_bench.scene.part import Fraction, Part, Positive, Tilt, Tolerance
 class BeamSpec(PaintedPart):
     """Beam and its paint; by default that of section VI: straight, round and uniform."""
 
-    paint: Paint = "gloss"
-    length_mm: Positive = 240
-    # For a strip this is its thickness.
-    diameter_mm: Positive = 0.8
-    youngs_modulus_gpa: Positive = 200
-    yield_stress_mpa: Positive = 1500
-    allow_above_yield: bool = False
-    reflectance: Fraction = 0.85
-    # An elliptic section, or a flat strip, is `aspect_ratio` times as wide as it is thick; its
-    # thickness is turned from y towards z by `section_angle_deg`.
-    section: Literal["circular", "elliptic", "strip"] = "circular"
-    aspect_ratio: Annotated[float, Field(ge=0.1, le=100)] = 1.0
-    section_angle_deg: Tilt = 0.0
-    # A tapered beam's diameter at the tip over that at the clamp; 0.02 is a rat's whisker.
-    tip_ratio: Annotated[float, Field(ge=0.02, le=3)] = 1.0
-    # Bow of the unloaded beam: its middle's distance from its chord, towards +y.
-    bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
-    density_kg_m3: Positive = 7930
-    # Whether it stretches under its axial force.
-    extensible: bool = False
-    # Rotation of the clamp over its bending moment, in units of L / EI.
-    clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    # Shape of a round beam's tip. Its length and its mechanics stay those of a flat tip: the shape
-    # differs over the last diameter only, a share diameter / length of the beam.
-    tip: Literal["flat", "round", "cut", "burr"] = "flat"
-    grime: GrimeSpec | None = None
-    # Number of segments of the centreline.
-    centreline_segments: Annotated[int, Field(ge=16, le=10_000)] = 480
+    paint: Paint = Field(default="gloss", description="Paint of the beam.")
+    length_mm: Positive = Field(default=240, description="Free length, from the clamp to the tip.")
+    diameter_mm: Positive = Field(
+        default=0.8, description="Diameter at the clamp; of a strip, its thickness."
+    )
+    youngs_modulus_gpa: Positive = Field(default=200, description="Young's modulus.")
+    yield_stress_mpa: Positive = Field(
+        default=1500,
+        description="Stress above which a push is refused, as the beam would stay bent.",
+    )
+    allow_above_yield: bool = Field(
+        default=False, description="Whether the beam may be stressed above its yield stress."
+    )
+    reflectance: Fraction = Field(default=0.85, description="Reflectance of matt and gloss paint.")
+    section: Literal["circular", "elliptic", "strip"] = Field(
+        default="circular",
+        description="Shape of the section: an elliptic one, or a flat strip, is "
+        "`aspect_ratio` times as wide as it is thick.",
+    )
+    aspect_ratio: Annotated[float, Field(ge=0.1, le=100)] = Field(
+        default=1.0,
+        description="Width of the section over its thickness; 1 for a circular section only.",
+    )
+    section_angle_deg: Tilt = Field(
+        default=0.0, description="Turn of the section's thickness from y towards z."
+    )
+    tip_ratio: Annotated[float, Field(ge=0.02, le=3)] = Field(
+        default=1.0,
+        description="Diameter of a tapered beam at the tip over that at the clamp; 0.02 is a "
+        "rat's whisker.",
+    )
+    bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = Field(
+        default=0.0,
+        description="Distance of the unloaded beam's middle from its chord, towards +y.",
+    )
+    density_kg_m3: Positive = Field(
+        default=7930, description="Density, which matters where there is gravity."
+    )
+    extensible: bool = Field(
+        default=False, description="Whether the beam stretches under its axial force."
+    )
+    clamp_softness: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0,
+        description="Rotation of the clamp over its bending moment, in units of L / EI.",
+    )
+    tip: Literal["flat", "round", "cut", "burr"] = Field(
+        default="flat",
+        description="Shape of a round beam's tip, over its last diameter; length and "
+        "mechanics stay those of a flat tip.",
+    )
+    grime: GrimeSpec | None = Field(
+        default=None,
+        description="Smudges, dust and uneven gloss on the beam; clean without this section.",
+    )
+    centreline_segments: Annotated[int, Field(ge=16, le=10_000)] = Field(
+        default=480, description="Number of segments of the centreline in the truth."
+    )
 
     @model_validator(mode="after")
     def _check_aspect_ratio(self) -> "BeamSpec":
@@ -61,34 +90,73 @@ class ToleranceSpec(Part):
     The encoder's readings always have errors of its sigma, and are multiples of its step.
     """
 
-    beam_length_mm: Tolerance = 0.1
-    # Of the apparent end of the bent beam against that at rest: rendered ends are cut square.
-    tip_mm: Tolerance = 0.0
-    flexural_rigidity_pct: Annotated[float, Field(ge=0, le=20)] = 1.0
-    base_mm: Tolerance = 0.01
-    # Position of the clamp relative to the motor's axis; the truth is the scene's clamp_offset_mm.
-    clamp_offset_mm: Tolerance = 0.0
-    # How much deeper the clamp grips the beam, whose free length is shorter by as much.
-    grip_mm: Tolerance = 0.0
-    board_mm: Tolerance = 0.01
-    board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
-    encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
-    encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
-    # Shift of the image since the rest images, in each direction.
-    camera_shift_px: Annotated[float, Field(ge=0, le=MAX_SHIFT_PX)] = 0.0
-    # Direction of gravity in plane C, which a hung weight needs.
-    gravity_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
-    # Stated sigmas of what a uniform, frictionless beam on a rigid clamp does not have: width of
-    # the tip over that at the clamp, less one; the section's second axis over its first, less one;
-    # coefficient of friction; the clamp's rotation over its moment, in units of L / EI.
-    tip_ratio_pct: Annotated[float, Field(ge=0, le=80)] = 0.0
-    aspect_ratio_pct: Annotated[float, Field(ge=0, le=50)] = 0.0
-    friction: Annotated[float, Field(ge=0, le=2)] = 0.0
-    clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    # Stated sigma of the tip's distance from the clamp's tangent at rest; by default the rest
-    # images alone determine it.
-    bow_mm: Tolerance | None = None
-    # Stated: no object yields, and the motor does not turn back while it pushes.
-    rigid_objects: bool = False
-    # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.
-    true_rig: Literal["nominal", "drawn"] = "nominal"
+    beam_length_mm: Tolerance = Field(default=0.1, description="Sigma of the beam's length.")
+    tip_mm: Tolerance = Field(
+        default=0.0,
+        description="Sigma of the apparent end of the bent beam against that at rest; "
+        "rendered ends are cut square.",
+    )
+    flexural_rigidity_pct: Annotated[float, Field(ge=0, le=20)] = Field(
+        default=1.0, description="Sigma of the flexural rigidity EI."
+    )
+    base_mm: Tolerance = Field(
+        default=0.01, description="Sigma of the place of the beam's root, in each direction."
+    )
+    clamp_offset_mm: Tolerance = Field(
+        default=0.0,
+        description="Sigma of the clamp's position relative to the motor's axis; the truth is "
+        "the scene's clamp_offset_mm.",
+    )
+    grip_mm: Tolerance = Field(
+        default=0.0,
+        description="Sigma of how much deeper the clamp grips the beam, whose free length is "
+        "shorter by as much.",
+    )
+    board_mm: Tolerance = Field(
+        default=0.01, description="Sigma of the board's place, in each direction."
+    )
+    board_deg: Annotated[float, Field(ge=0, le=10)] = Field(
+        default=0.01, description="Sigma of the board's direction, about each axis."
+    )
+    encoder_deg: Annotated[float, Field(ge=0, le=10)] = Field(
+        default=0.01, description="Sigma of the encoder's readings, which always have these errors."
+    )
+    encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = Field(
+        default=0.0, description="Step of the encoder's readings."
+    )
+    camera_shift_px: Annotated[float, Field(ge=0, le=MAX_SHIFT_PX)] = Field(
+        default=0.0,
+        description="Sigma of the shift of the image since the rest images, in each direction.",
+    )
+    gravity_deg: Annotated[float, Field(ge=0, le=10)] = Field(
+        default=0.0,
+        description="Sigma of the direction of gravity in plane C, which a hung weight needs.",
+    )
+    tip_ratio_pct: Annotated[float, Field(ge=0, le=80)] = Field(
+        default=0.0, description="Sigma of the width at the tip over that at the clamp, less one."
+    )
+    aspect_ratio_pct: Annotated[float, Field(ge=0, le=50)] = Field(
+        default=0.0, description="Sigma of the section's second axis over its first, less one."
+    )
+    friction: Annotated[float, Field(ge=0, le=2)] = Field(
+        default=0.0, description="Sigma of the object's coefficient of friction."
+    )
+    clamp_softness: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0,
+        description="Sigma of the clamp's rotation over its moment, in units of L / EI.",
+    )
+    bow_mm: Tolerance | None = Field(
+        default=None,
+        description="Sigma of the tip's distance from the clamp's tangent at rest; by default "
+        "the rest images alone determine it.",
+    )
+    rigid_objects: bool = Field(
+        default=False,
+        description="Whether the rig states that no object yields, and that the motor does "
+        "not turn back while it pushes.",
+    )
+    true_rig: Literal["nominal", "drawn"] = Field(
+        default="nominal",
+        description="Whether the truth is nominal, or drawn with these sigmas about the "
+        "nominal values.",
+    )

@@ -20,22 +20,51 @@ class CameraSpec(Part):
     magnification in place of a focal length.
     """
 
-    mount: Literal["antenna", "world"] = "antenna"
-    projection: Literal["perspective", "telecentric"] = "perspective"
-    magnification_px_per_mm: Positive | None = None
-    width_px: Annotated[int, Field(ge=32, le=8192)] = 512
-    height_px: Annotated[int, Field(ge=32, le=8192)] = 512
-    focal_length_px: Positive = 700
-    principal_point_offset_px: tuple[float, float] = (0.0, 0.0)
-    distortion: tuple[float, ...] = ()
-    position_mm: Triple = (120.0, 18.0, 360.0)
-    look_at_mm: Triple = (120.6, 20.0, 0.0)
-    roll_deg: Annotated[float, Field(ge=-360, le=360)] = 0.6
-    # Shift of all frames against the images of the board and of the beam at rest, as of a camera
-    # that was knocked after these.
-    knock_px: tuple[Shift, Shift] = (0.0, 0.0)
-    # Whether the whole beam must be in view; a short one may leave the image.
-    tip_in_view: bool = True
+    mount: Literal["antenna", "world"] = Field(
+        default="antenna",
+        description="Whether the camera turns with the antenna, or stands in the world, where "
+        "no encoder reads the motor's angle.",
+    )
+    projection: Literal["perspective", "telecentric"] = Field(
+        default="perspective",
+        description="A perspective camera has a focal length, a telecentric one a magnification.",
+    )
+    magnification_px_per_mm: Positive | None = Field(
+        default=None, description="Magnification of a telecentric camera."
+    )
+    width_px: Annotated[int, Field(ge=32, le=8192)] = Field(
+        default=512, description="Width of the image."
+    )
+    height_px: Annotated[int, Field(ge=32, le=8192)] = Field(
+        default=512, description="Height of the image."
+    )
+    focal_length_px: Positive = Field(
+        default=700, description="Focal length of a perspective camera."
+    )
+    principal_point_offset_px: tuple[float, float] = Field(
+        default=(0.0, 0.0),
+        description="Principal point relative to the middle of the image, to the right and down.",
+    )
+    distortion: tuple[float, ...] = Field(
+        default=(), description="OpenCV's coefficients of lens distortion: none, 5, or 8."
+    )
+    position_mm: Triple = Field(default=(120.0, 18.0, 360.0), description="Position of the camera.")
+    look_at_mm: Triple = Field(
+        default=(120.6, 20.0, 0.0),
+        description="Point in the middle of the view, which is in focus by default.",
+    )
+    roll_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        default=0.6, description="Turn of the camera about its line of sight."
+    )
+    knock_px: tuple[Shift, Shift] = Field(
+        default=(0.0, 0.0),
+        description="Shift of all frames against the images of the board and of the beam at "
+        "rest, as of a camera that was knocked after these.",
+    )
+    tip_in_view: bool = Field(
+        default=True,
+        description="Whether the whole beam must be in view; a short one may leave the image.",
+    )
 
     @model_validator(mode="after")
     def _check_magnification(self) -> "CameraSpec":
@@ -73,16 +102,37 @@ class CalibrationSpec(Part):
     `dictionary`, or the crossings of a network of dark lines, line_width_mm wide (section VI-A).
     """
 
-    target: Literal["chessboard", "charuco", "lines"] = "chessboard"
-    columns: Annotated[int, Field(ge=4, le=60)] = 12
-    rows: Annotated[int, Field(ge=3, le=60)] = 9
-    square_mm: Positive = 18
-    dictionary: Literal["4x4_50", "4x4_100", "4x4_250", "4x4_1000"] = "4x4_250"
-    line_width_mm: Positive | None = None
-    center_mm: tuple[float, float] = (120.0, 18.0)
-    # A telecentric camera needs only view 0, any other at least three views.
-    views: Annotated[int, Field(ge=1, le=100)] = 10
-    tilt_deg: Annotated[float, Field(gt=0, le=45)] = 25
+    target: Literal["chessboard", "charuco", "lines"] = Field(
+        default="chessboard",
+        description="A chessboard's inner corners, those of a ChArUco board, or the crossings "
+        "of a network of dark lines.",
+    )
+    columns: Annotated[int, Field(ge=4, le=60)] = Field(
+        default=12, description="Number of inner corners or crossings along x."
+    )
+    rows: Annotated[int, Field(ge=3, le=60)] = Field(
+        default=9, description="Number of inner corners or crossings along y."
+    )
+    square_mm: Positive = Field(
+        default=18, description="Distance of neighbouring corners or crossings."
+    )
+    dictionary: Literal["4x4_50", "4x4_100", "4x4_250", "4x4_1000"] = Field(
+        default="4x4_250", description="Markers of a ChArUco board, by OpenCV's name."
+    )
+    line_width_mm: Positive | None = Field(
+        default=None, description="Width of the lines, for the target lines only."
+    )
+    center_mm: tuple[float, float] = Field(
+        default=(120.0, 18.0), description="Middle of the target in plane C."
+    )
+    views: Annotated[int, Field(ge=1, le=100)] = Field(
+        default=10,
+        description="Number of images; view 0 is in plane C, the others are tilted. Only a "
+        "telecentric camera needs less than three.",
+    )
+    tilt_deg: Annotated[float, Field(gt=0, le=45)] = Field(
+        default=25, description="Largest tilt of the other views."
+    )
 
     @model_validator(mode="after")
     def _check_target(self) -> "CalibrationSpec":

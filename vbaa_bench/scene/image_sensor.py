@@ -22,40 +22,88 @@ class SensorSpec(Part):
     clipped at full scale.
     """
 
-    kind: Literal["real", "ideal"] = "real"
-    # Above 8, images are 16-bit PNG that hold gray values from 0 to 2^bits - 1.
-    bits: Literal[8, 10, 12, 14, 16] = 8
-    full_well_e: Annotated[float, Field(ge=10, le=1e7)] = 10_000
-    read_noise_e: NonNegative = 10
-    beam_peak_pct: Annotated[float, Field(gt=0, le=100)] = 70
-    rest_images: Annotated[int, Field(ge=1, le=1000)] = 4
-    # As the beam's peak is prescribed, a lower one needs more light and does not change the image.
-    quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = 1.0
-    dark_current_e_s: NonNegative = 0.0
-    # Integration time.
-    exposure_s: Annotated[float, Field(gt=0, le=3600)] = 0.005
-    # Rolling shutter: delay from the exposure of one row to that of the row below. With 0 all rows
-    # are exposed at once; the middle row is exposed at the frame's nominal time.
-    line_time_us: NonNegative = 0.0
-    # Photo-response and dark-signal non-uniformity: standard deviations over the pixels.
-    prnu_pct: Annotated[float, Field(ge=0, le=20)] = 0.0
-    dsnu_e: NonNegative = 0.0
-    # Pixels with additional dark current, exponentially distributed with this mean, and pixels
-    # without response to light. Which ones is drawn once per dataset.
-    hot_pixels_ppm: _PartsPerMillion = 0.0
-    hot_dark_current_e_s: Annotated[float, Field(ge=0, le=1e9)] = 200_000
-    dead_pixels_ppm: _PartsPerMillion = 0.0
-    # By default, the full well is at full scale.
-    gain_e_per_gray: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
-    # Gray value of a dark pixel.
-    black_level_gray: Annotated[float, Field(ge=0, lt=65535)] = 0.0
-    # Gray over full scale is its linear value to the power of 1 / gamma.
-    gamma: Annotated[float, Field(ge=1, le=4)] = 1.0
-    # A colour sensor; without it, the sensor is monochrome.
-    bayer: BayerSpec | None = None
-    # Every image is compressed as JPEG, which is also one frame of Motion JPEG, and decoded. Files
-    # are PNG of the decoded gray values. Of a colour image, only the gray one is compressed.
-    jpeg_quality: Annotated[int, Field(ge=1, le=100)] | None = None
+    kind: Literal["real", "ideal"] = Field(
+        default="real",
+        description="A real sensor has noise; gray values of an ideal one are radiance, "
+        "rounded and clipped at full scale.",
+    )
+    bits: Literal[8, 10, 12, 14, 16] = Field(
+        default=8,
+        description="Bits of a gray value; above 8, images are 16-bit PNG that hold gray "
+        "values from 0 to 2^bits - 1.",
+    )
+    full_well_e: Annotated[float, Field(ge=10, le=1e7)] = Field(
+        default=10_000, description="Electrons at which a pixel is full."
+    )
+    read_noise_e: NonNegative = Field(
+        default=10, description="Standard deviation of a pixel's reading, in electrons."
+    )
+    beam_peak_pct: Annotated[float, Field(gt=0, le=100)] = Field(
+        default=70,
+        description="Gray value, in per cent of full scale, at which the resting beam peaks.",
+    )
+    rest_images: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=4, description="Number of images of the beam at rest."
+    )
+    quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=1.0,
+        description="Electrons per photon; as the beam's peak is prescribed, a lower one "
+        "needs more light and does not change the image.",
+    )
+    dark_current_e_s: NonNegative = Field(default=0.0, description="Dark current of a pixel.")
+    exposure_s: Annotated[float, Field(gt=0, le=3600)] = Field(
+        default=0.005, description="Integration time."
+    )
+    line_time_us: NonNegative = Field(
+        default=0.0,
+        description="Rolling shutter: delay from the exposure of one row to that of the row "
+        "below. With 0 all rows are exposed at once; the middle row is exposed at the frame's "
+        "nominal time.",
+    )
+    prnu_pct: Annotated[float, Field(ge=0, le=20)] = Field(
+        default=0.0,
+        description="Photo-response non-uniformity: standard deviation of the sensitivity "
+        "over the pixels.",
+    )
+    dsnu_e: NonNegative = Field(
+        default=0.0,
+        description="Dark-signal non-uniformity: standard deviation of the dark signal over "
+        "the pixels, in electrons.",
+    )
+    hot_pixels_ppm: _PartsPerMillion = Field(
+        default=0.0,
+        description="Pixels with additional dark current; which ones is drawn once per dataset.",
+    )
+    hot_dark_current_e_s: Annotated[float, Field(ge=0, le=1e9)] = Field(
+        default=200_000,
+        description="Mean of the hot pixels' additional dark current, which is exponentially "
+        "distributed.",
+    )
+    dead_pixels_ppm: _PartsPerMillion = Field(
+        default=0.0,
+        description="Pixels without response to light; which ones is drawn once per dataset.",
+    )
+    gain_e_per_gray: Annotated[float, Field(ge=1e-6, le=1e6)] | None = Field(
+        default=None,
+        description="Electrons per gray value before gamma; by default, the full well is at "
+        "full scale.",
+    )
+    black_level_gray: Annotated[float, Field(ge=0, lt=65535)] = Field(
+        default=0.0, description="Gray value of a dark pixel."
+    )
+    gamma: Annotated[float, Field(ge=1, le=4)] = Field(
+        default=1.0,
+        description="Gray over full scale is its linear value to the power of 1 / gamma.",
+    )
+    bayer: BayerSpec | None = Field(
+        default=None, description="Colour filters; without them, the sensor is monochrome."
+    )
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] | None = Field(
+        default=None,
+        description="Quality at which every image is compressed as JPEG, which is also one "
+        "frame of Motion JPEG, and decoded; files are PNG of the decoded gray values. Of a "
+        "colour image, only the gray one is compressed.",
+    )
 
     @property
     def line_time_s(self) -> float:

@@ -11,11 +11,12 @@ from vbaa_bench.scene.part import Below, Fraction, Part, Positive, Tolerance
 class HubSpec(PaintedPart):
     """The motor's hub that clamps the beam: an upright cylinder about the motor's axis."""
 
-    radius_mm: Positive = 3
-    top_mm: Positive = 2
-    # By default it stands on the background.
-    bottom_mm: Below | None = None
-    reflectance: Fraction = 0.10
+    radius_mm: Positive = Field(default=3, description="Radius of the cylinder.")
+    top_mm: Positive = Field(default=2, description="Height of its top above plane C.")
+    bottom_mm: Below | None = Field(
+        default=None, description="Height of its bottom; by default it stands on the background."
+    )
+    reflectance: Fraction = Field(default=0.10, description="Reflectance of matt and gloss paint.")
 
 
 class ClampSpec(PaintedPart):
@@ -27,15 +28,24 @@ class ClampSpec(PaintedPart):
     from the jaw to the ground. All move with the antenna. The paint is that of jaw and flange.
     """
 
-    jaw_mm: tuple[Positive, Positive, Positive] = (14, 9, 7)
-    screw_radius_mm: Positive = 2
-    screw_paint: Paint = "bare"
-    flange_radius_mm: Positive = 8
-    flange_thickness_mm: Positive = 3
-    cable_radius_mm: Positive = 1
-    cable_reflectance: Fraction = 0.05
-    paint: Paint = "gloss"
-    reflectance: Fraction = 0.30
+    jaw_mm: tuple[Positive, Positive, Positive] = Field(
+        default=(14, 9, 7),
+        description="The jaw's length behind the beam's root, its width and its height.",
+    )
+    screw_radius_mm: Positive = Field(
+        default=2, description="Radius of the screw on top of the jaw."
+    )
+    screw_paint: Paint = Field(default="bare", description="Paint of the screw.")
+    flange_radius_mm: Positive = Field(
+        default=8, description="Radius of the flange under the jaw, about the motor's axis."
+    )
+    flange_thickness_mm: Positive = Field(default=3, description="Thickness of the flange.")
+    cable_radius_mm: Positive = Field(
+        default=1, description="Radius of the cable that leads from the jaw to the ground."
+    )
+    cable_reflectance: Fraction = Field(default=0.05, description="Reflectance of the cable.")
+    paint: Paint = Field(default="gloss", description="Paint of jaw and flange.")
+    reflectance: Fraction = Field(default=0.30, description="Reflectance of matt and gloss paint.")
 
     @model_validator(mode="after")
     def _check_screw(self) -> "ClampSpec":
@@ -55,18 +65,28 @@ class CarriageSpec(Part):
     The readings have normal errors with these sigmas, new ones in every push.
     """
 
-    position_sigma_mm: Tolerance = 0.005
-    turn_sigma_deg: Annotated[float, Field(ge=0, le=10)] = 0.002
+    position_sigma_mm: Tolerance = Field(
+        default=0.005, description="Sigma of the read position, in each direction."
+    )
+    turn_sigma_deg: Annotated[float, Field(ge=0, le=10)] = Field(
+        default=0.002, description="Sigma of the read direction."
+    )
 
 
 class ForceSensorSpec(Part):
     """Sensor of force and moment at the clamp, as in the conventional antenna of section VII."""
 
-    force_sigma_n: Annotated[float, Field(gt=0, le=1e3)] = 1e-3
-    moment_sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = 0.1
+    force_sigma_n: Annotated[float, Field(gt=0, le=1e3)] = Field(
+        default=1e-3, description="Sigma of each component of the force."
+    )
+    moment_sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = Field(
+        default=0.1, description="Sigma of each component of the moment."
+    )
 
 
 class MomentSensorSpec(Part):
     """Sensor of the moment m_y about Sigma_a's y axis at the clamp (section V-C)."""
 
-    sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = 0.1
+    sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = Field(
+        default=0.1, description="Sigma of the moment."
+    )

@@ -17,11 +17,22 @@ class BayerSpec(Part):
     sensitive channel.
     """
 
-    # The photosites of the upper left corner, row by row.
-    pattern: Literal["rggb", "bggr", "grbg", "gbrg"] = "rggb"
-    # Only ratios matter.
-    red: _Signal = 0.6
-    green: _Signal = 1.0
-    blue: _Signal = 0.5
-    white_balance: bool = True
-    demosaicing: Literal["bilinear", "edge_aware"] = "bilinear"
+    pattern: Literal["rggb", "bggr", "grbg", "gbrg"] = Field(
+        default="rggb", description="The photosites of the upper left corner, row by row."
+    )
+    red: _Signal = Field(
+        default=0.6, description="Signal of the red photosites, relative to the others."
+    )
+    green: _Signal = Field(
+        default=1.0, description="Signal of the green photosites, relative to the others."
+    )
+    blue: _Signal = Field(
+        default=0.5, description="Signal of the blue photosites, relative to the others."
+    )
+    white_balance: bool = Field(
+        default=True,
+        description="Whether the channels are scaled to the same signal of a gray surface.",
+    )
+    demosaicing: Literal["bilinear", "edge_aware"] = Field(
+        default="bilinear", description="How the colours between photosites are reconstructed."
+    )

@@ -20,20 +20,36 @@ class PushSpec(Part):
     push in their order; a step whose angle is not positive is before contact.
     """
 
-    contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
-    deflection_pct: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = None
-    pushing_angle_deg: tuple[Angle, ...] | None = None
-    # Tilt nu of the touched edge's normal out of plane C.
-    normal_deg: Annotated[tuple[Tilt, ...], Field(min_length=1)] = (0.0,)
-    # Stiffness of the object along its normal.
-    stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = (
-        "rigid",
+    contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Contact distances, along the beam at rest; not needed for a wall or "
+        "without an object.",
     )
-    repeats: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = 1
-    # Drawn uniformly for every push, from low to high; equal ends fix it. If a push has one step
-    # only, this is the motor angle of that step, to a few tenths of a degree. If it were that of
-    # first contact, the encoder would reveal the pushing angle, which depends on the contact.
-    motor_angle_at_contact_deg: Onset = ONSET
+    deflection_pct: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = Field(
+        default=None,
+        description="Steps of a push, as the tip's displacement across the beam over the length.",
+    )
+    pushing_angle_deg: tuple[Angle, ...] | None = Field(
+        default=None,
+        description="Steps of a push, as the motor's rotation since first contact; before "
+        "contact, it is not positive.",
+    )
+    normal_deg: Annotated[tuple[Tilt, ...], Field(min_length=1)] = Field(
+        default=(0.0,), description="Tilts nu of the touched edge's normal out of plane C."
+    )
+    stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = Field(
+        default=("rigid",), description="Stiffnesses of the object along its normal, or rigid."
+    )
+    repeats: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = Field(
+        default=1, description="Number of pushes with the same values."
+    )
+    motor_angle_at_contact_deg: Onset = Field(
+        default=ONSET,
+        description="Range from which the motor's angle at first contact is drawn for every "
+        "push; equal ends fix it. Of a push with one step, it is the angle of that step, to a "
+        "few tenths of a degree: otherwise the encoder would reveal the pushing angle, which "
+        "depends on the contact.",
+    )
 
     @model_validator(mode="after")
     def _check_onset(self) -> "PushSpec":

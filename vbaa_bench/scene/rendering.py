@@ -28,22 +28,43 @@ class RenderSpec(Part):
     the beam, elsewhere, and in the static layer, whose noise is the same in every frame.
     """
 
-    noise_near_beam: _Noise = 0.333
-    noise_elsewhere: _Noise = 0.5
-    noise_static_layer: _Noise = 0.1
-    # Largest change of a pixel by one sample of a shadow, over the sensor's noise. Without a limit,
-    # a penumbra in which almost all of a lamp is in view may have dark dots.
-    largest_outlier: _Noise | None = None
-    # Number of places in a pixel at which each of its two sets of samples measures a shadow. One is
-    # enough on plain ground; on fine texture, no number of samples there reaches the noise target.
-    shadow_places: Annotated[int, Field(ge=1, le=64)] = 1
-    near_beam_px: Annotated[int, Field(ge=1, le=64)] = 4
-    # Largest distance of the beam's mesh from the smooth beam.
-    mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = 0.006
-    # Whether surfaces that do not move are rendered once, with the low noise above, and whether the
-    # numbers of samples are corrected by a few frames that are not kept. Both cost as much as ten
-    # frames, and pay in larger datasets.
-    static_layer: bool = True
-    sample_table: bool = True
-    # 1: light goes from lamp to surface to camera. More: surfaces light each other.
-    bounces: Annotated[int, Field(ge=1, le=16)] = 1
+    noise_near_beam: _Noise = Field(
+        default=0.333, description="Noise within `near_beam_px` of the beam."
+    )
+    noise_elsewhere: _Noise = Field(default=0.5, description="Noise elsewhere.")
+    noise_static_layer: _Noise = Field(
+        default=0.1, description="Noise of the static layer, which is the same in every frame."
+    )
+    largest_outlier: _Noise | None = Field(
+        default=None,
+        description="Largest change of a pixel by one sample of a shadow, over the sensor's "
+        "noise; without a limit, a penumbra in which almost all of a lamp is in view may have "
+        "dark dots.",
+    )
+    shadow_places: Annotated[int, Field(ge=1, le=64)] = Field(
+        default=1,
+        description="Number of places in a pixel at which each of its two sets of samples "
+        "measures a shadow. One is enough on plain ground; on fine texture, no number of "
+        "samples there reaches the noise target.",
+    )
+    near_beam_px: Annotated[int, Field(ge=1, le=64)] = Field(
+        default=4, description="Distance from the beam within which a pixel is near it."
+    )
+    mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = Field(
+        default=0.006, description="Largest distance of the beam's mesh from the smooth beam."
+    )
+    static_layer: bool = Field(
+        default=True,
+        description="Whether surfaces that do not move are rendered once, with low noise: it "
+        "costs time at the start, and pays in larger datasets.",
+    )
+    sample_table: bool = Field(
+        default=True,
+        description="Whether the numbers of samples are corrected by a few frames that are "
+        "not kept: it costs time at the start, and pays in larger datasets.",
+    )
+    bounces: Annotated[int, Field(ge=1, le=16)] = Field(
+        default=1,
+        description="1: light goes from lamp to surface to camera. More: surfaces light each "
+        "other.",
+    )

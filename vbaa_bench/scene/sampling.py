@@ -23,15 +23,34 @@ class SamplingSpec(Part):
     over the logarithms of all positive axes.
     """
 
-    method: Literal["sobol", "uniform", "log_uniform", "grid"] = "sobol"
-    count: Annotated[int, Field(ge=1, le=1_000_000)]
-    contact_distance_mm: tuple[Positive, Positive]
-    deflection_pct: tuple[Percent, Percent]
-    normal_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
-    # Of the object, by default rigid. Stiffnesses are always spread over their logarithms.
-    stiffness_n_m: tuple[Positive, Positive] | None = None
-    # Drawn uniformly from a separate random stream, whatever the method; see PushSpec.
-    motor_angle_at_contact_deg: Onset = ONSET
+    method: Literal["sobol", "uniform", "log_uniform", "grid"] = Field(
+        default="sobol",
+        description="How pushes are drawn: sobol fills all axes together evenly, uniform and "
+        "log_uniform draw independently, grid has the same number of values on each axis.",
+    )
+    count: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        description="Number of pushes, each of one step."
+    )
+    contact_distance_mm: tuple[Positive, Positive] = Field(
+        description="Range of the contact distance."
+    )
+    deflection_pct: tuple[Percent, Percent] = Field(
+        description="Range of the tip's displacement across the beam over the length."
+    )
+    normal_deg: tuple[Tilt, Tilt] = Field(
+        default=(0.0, 0.0),
+        description="Range of the tilt nu of the touched edge's normal out of plane C.",
+    )
+    stiffness_n_m: tuple[Positive, Positive] | None = Field(
+        default=None,
+        description="Range of the object's stiffness, spread over its logarithm; by default "
+        "the object is rigid.",
+    )
+    motor_angle_at_contact_deg: Onset = Field(
+        default=ONSET,
+        description="Range from which the motor's angle is drawn uniformly, whatever the "
+        "method; see `pushes`.",
+    )
 
     @field_validator("method", mode="before")
     @classmethod
@@ -126,8 +145,13 @@ class SplitSpec(Part):
     They are filled evenly, and keep their members when the set grows.
     """
 
-    by: Literal["push", "rig"] = "push"
-    shares: Annotated[dict[str, Annotated[float, Field(gt=0, le=1)]], Field(min_length=1)]
+    by: Literal["push", "rig"] = Field(
+        default="push",
+        description="Whether whole pushes, or whole rigs of a collection, belong to a part.",
+    )
+    shares: Annotated[dict[str, Annotated[float, Field(gt=0, le=1)]], Field(min_length=1)] = Field(
+        description="Share of each part by its name; they add up to 1."
+    )
 
     @model_validator(mode="after")
     def _check_sum(self) -> "SplitSpec":

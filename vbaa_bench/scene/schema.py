@@ -49,60 +49,112 @@ MAX_RIGS: Final = 1_000_000
 class Scene(Part):
     """One experiment. Together with its seed it determines every byte of the truth."""
 
-    title: Annotated[str, Field(min_length=1)]
-    seed: Annotated[int, Field(ge=0, lt=2**63)]
-    # Number of rigs of a collection; each is a dataset whose keys with `per: rig` are drawn anew.
-    rigs: Annotated[int, Field(ge=1, le=MAX_RIGS)] | None = None
-    # How random keys are drawn: independently, or each evenly over its range.
-    random_method: Method = "uniform"
-    # Keys that are drawn for every push or frame; set by the scene's loader.
-    random_keys: tuple[RandomKey, ...] = ()
-    # A preset of other keys, which the scene's own keys replace: laboratory is a table with things
-    # on it, a clamp, dust on the beam, ambient light, two bounces, point spread and vignetting.
-    look: Look | None = None
-    # A grid of pushes, or random ones.
-    pushes: PushSpec | None = None
-    sampling: SamplingSpec | None = None
-    # Names of parts of the set, a column of metadata.csv.
-    splits: SplitSpec | None = None
-    # The exact beam, or the paper's, (9) and (10), on which the paper's methods are unbiased.
-    mechanics: Literal["exact", "linear"] = "exact"
-    beam: BeamSpec = BeamSpec()
-    # In the world, which is Sigma_a at motor angle zero; the motor's axis is along z.
-    gravity_m_s2: Triple = (0.0, 0.0, 0.0)
-    # Position of the beam's clamp relative to the motor's axis.
-    clamp_offset_mm: Triple = (0.0, 0.0, 0.0)
-    tolerances: ToleranceSpec = ToleranceSpec()
-    camera: CameraSpec = CameraSpec()
-    optics: OpticsSpec = OpticsSpec()
-    # Motor speed while the shutter is open (sensor.exposure_s, and with a rolling shutter
-    # sensor.line_time_us for each row).
-    motor_speed_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 0.0
-    calibration: CalibrationSpec = CalibrationSpec()
-    light: LightSpec = LightSpec()
-    # In place of `light`.
-    lights: tuple[AnyLight, ...] = ()
-    # Light in the frames, relative to the light for which the exposure was metered and in which the
-    # board and the beam at rest were photographed.
-    light_level: Annotated[float, Field(ge=0.01, le=100)] = 1.0
-    flicker: FlickerSpec | None = None
-    ambient: AmbientSpec | None = None
-    background: BackgroundSpec = BackgroundSpec()
-    clutter: ClutterSpec | None = None
-    wires: WiresSpec | None = None
-    object: AnyObject = BlockSpec()
-    second_peg: SecondPegSpec | None = None
-    occlusion: OcclusionSpec | None = None
-    hub: HubSpec = HubSpec()
-    clamp: ClampSpec | None = None
-    carriage: CarriageSpec | None = None
-    sensor: SensorSpec = SensorSpec()
-    moment_sensor: MomentSensorSpec | None = None
-    force_sensor: ForceSensorSpec | None = None
-    render: RenderSpec = RenderSpec()
-    # Truth layers to keep of every frame; all of them take far more disk space than the image.
-    layers: tuple[Layer, ...] = ("beam_mask",)
-    frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
+    title: Annotated[str, Field(min_length=1)] = Field(
+        description="Title of the scene, for reports; it changes no image."
+    )
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="Seed of all random numbers.")
+    rigs: Annotated[int, Field(ge=1, le=MAX_RIGS)] | None = Field(
+        default=None,
+        description="Number of rigs of a collection; each is a dataset whose keys with `per: "
+        "rig` are drawn anew.",
+    )
+    random_method: Method = Field(
+        default="uniform",
+        description="How random keys are drawn: independently, or each evenly over its range.",
+    )
+    random_keys: tuple[RandomKey, ...] = Field(
+        default=(),
+        description="Keys that are drawn for every push or frame; set by the scene's loader.",
+    )
+    look: Look | None = Field(
+        default=None,
+        description="A preset of other keys, which the scene's own keys replace: laboratory "
+        "is a table with things on it, a clamp, dust on the beam, ambient light, two bounces, "
+        "point spread and vignetting.",
+    )
+    pushes: PushSpec | None = Field(default=None, description="A grid of pushes.")
+    sampling: SamplingSpec | None = Field(
+        default=None, description="Random pushes, in place of `pushes`."
+    )
+    splits: SplitSpec | None = Field(
+        default=None, description="Names of parts of the set, a column of metadata.csv."
+    )
+    mechanics: Literal["exact", "linear"] = Field(
+        default="exact",
+        description="The exact beam, or the paper's, (9) and (10), on which the paper's "
+        "methods are unbiased.",
+    )
+    beam: BeamSpec = Field(default=BeamSpec(), description="The beam.")
+    gravity_m_s2: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Gravity in the world, which is Sigma_a at motor angle zero; the motor's "
+        "axis is along z.",
+    )
+    clamp_offset_mm: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Position of the beam's clamp relative to the motor's axis.",
+    )
+    tolerances: ToleranceSpec = Field(
+        default=ToleranceSpec(), description="Stated accuracy of the rig."
+    )
+    camera: CameraSpec = Field(default=CameraSpec(), description="The camera.")
+    optics: OpticsSpec = Field(default=OpticsSpec(), description="The lens.")
+    motor_speed_deg_s: Annotated[float, Field(ge=0, le=1e4)] = Field(
+        default=0.0,
+        description="Motor speed while the shutter is open: during sensor.exposure_s, and "
+        "with a rolling shutter sensor.line_time_us for each row.",
+    )
+    calibration: CalibrationSpec = Field(
+        default=CalibrationSpec(), description="The calibration target and its images."
+    )
+    light: LightSpec = Field(default=LightSpec(), description="One soft lamp behind the camera.")
+    lights: tuple[AnyLight, ...] = Field(default=(), description="Lamps in place of `light`.")
+    light_level: Annotated[float, Field(ge=0.01, le=100)] = Field(
+        default=1.0,
+        description="Light in the frames, relative to the light for which the exposure was "
+        "metered and in which the board and the beam at rest were photographed.",
+    )
+    flicker: FlickerSpec | None = Field(
+        default=None, description="Flicker of all lamps on alternating current."
+    )
+    ambient: AmbientSpec | None = Field(
+        default=None, description="Even light from all directions, in addition to the lamps."
+    )
+    background: BackgroundSpec = Field(default=BackgroundSpec(), description="The ground.")
+    clutter: ClutterSpec | None = Field(
+        default=None, description="Things that lie about on the ground."
+    )
+    wires: WiresSpec | None = Field(
+        default=None, description="Thin wires that cross the beam in the image."
+    )
+    object: AnyObject = Field(
+        default=BlockSpec(), description="The object that the beam is pushed against."
+    )
+    second_peg: SecondPegSpec | None = Field(default=None, description="A second contact.")
+    occlusion: OcclusionSpec | None = Field(
+        default=None, description="What hides the beam from the camera."
+    )
+    hub: HubSpec = Field(default=HubSpec(), description="The motor's hub.")
+    clamp: ClampSpec | None = Field(default=None, description="The clamp in front of the hub.")
+    carriage: CarriageSpec | None = Field(
+        default=None, description="A carriage that brings the antenna to the object."
+    )
+    sensor: SensorSpec = Field(default=SensorSpec(), description="The image sensor.")
+    moment_sensor: MomentSensorSpec | None = Field(
+        default=None, description="A sensor of the moment at the clamp."
+    )
+    force_sensor: ForceSensorSpec | None = Field(
+        default=None, description="A sensor of force and moment at the clamp."
+    )
+    render: RenderSpec = Field(default=RenderSpec(), description="Accuracy of the rendering.")
+    layers: tuple[Layer, ...] = Field(
+        default=("beam_mask",),
+        description="Truth layers to keep of every frame; all of them take far more disk "
+        "space than the image.",
+    )
+    frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        default=16, description="Number of frames in a folder of the dataset."
+    )
 
     @property
     def motor_angle_at_contact_deg(self) -> Onset:

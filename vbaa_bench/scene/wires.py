@@ -21,17 +21,37 @@ class WiresSpec(Part):
     would meet the hub is placed anew; if there is no room for it, it is left out.
     """
 
-    count: Annotated[int, Field(ge=1, le=100)] = 6
-    # Heights above plane C between which the wires are evenly spread.
-    height_mm: tuple[Below, Below] = (-20, -10)
-    diameter_mm: tuple[Positive, Positive] = (0.4, 0.8)
-    length_mm: tuple[Positive, Positive] = (100, 300)
-    tip_ratio: tuple[TipRatio, TipRatio] = (0.1, 1.0)
-    bow_pct: tuple[Bow, Bow] = (-5, 5)
-    crossing_deg: tuple[Crossing, Crossing] = (20, 160)
-    paint: Literal["matt", "gloss", "bare"] = "gloss"
-    roughness: Annotated[float, Field(ge=0.1, le=0.6)] = 0.3
-    reflectance: tuple[Fraction, Fraction] = (0.1, 0.6)
+    count: Annotated[int, Field(ge=1, le=100)] = Field(default=6, description="Number of wires.")
+    height_mm: tuple[Below, Below] = Field(
+        default=(-20, -10),
+        description="Range of heights above plane C, between whose ends the wires are evenly "
+        "spread.",
+    )
+    diameter_mm: tuple[Positive, Positive] = Field(
+        default=(0.4, 0.8), description="Range of the diameter at the thick end."
+    )
+    length_mm: tuple[Positive, Positive] = Field(
+        default=(100, 300), description="Range of the length."
+    )
+    tip_ratio: tuple[TipRatio, TipRatio] = Field(
+        default=(0.1, 1.0),
+        description="Range of the diameter at the thin end over that at the thick end.",
+    )
+    bow_pct: tuple[Bow, Bow] = Field(
+        default=(-5, 5), description="Range of the sagitta over the length."
+    )
+    crossing_deg: tuple[Crossing, Crossing] = Field(
+        default=(20, 160), description="Range of the angle from the beam's direction to the wire's."
+    )
+    paint: Literal["matt", "gloss", "bare"] = Field(
+        default="gloss", description="Paint of the wires."
+    )
+    roughness: Annotated[float, Field(ge=0.1, le=0.6)] = Field(
+        default=0.3, description="Roughness alpha of gloss paint and bare steel."
+    )
+    reflectance: tuple[Fraction, Fraction] = Field(
+        default=(0.1, 0.6), description="Range of the reflectance."
+    )
 
     @model_validator(mode="after")
     def _check_ranges(self) -> "WiresSpec":
