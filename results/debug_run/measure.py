@@ -89,10 +89,10 @@ def render(case: Case) -> None:
     """Render the images of a case in this process, and name each on stderr before it begins."""
     import drjit as dr  # late: the process that counts needs no renderer
 
+    from vbaa_bench.assembly.plan import accepted_rig
+    from vbaa_bench.assembly.pushes import Pushes
     from vbaa_bench.dataset.target import FAST
     from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
-    from vbaa_bench.generation.plan import accepted_rig
-    from vbaa_bench.generation.pushes import Pushes
     from vbaa_bench.scene.load import load_scene
     from vbaa_bench.scene.rigs import true_rig
 

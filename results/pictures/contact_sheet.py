@@ -12,9 +12,9 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.files import write_bytes
 from solver.instrument.images import eight_bit
 from solver.instrument.transforms import apply
+from vbaa_bench.assembly.plan import Plan, plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
-from vbaa_bench.generation.plan import Plan, plan
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
 

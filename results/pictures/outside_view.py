@@ -10,9 +10,9 @@ from results.pictures.outside_rig import rig_bodies, viewpoint
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.frames import Frames

@@ -30,10 +30,10 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.images import png_bytes
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.dataset.exr import write_exr
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering, metered_frames
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import (
     NoiseTarget,
     RenderedRadiance,

@@ -69,9 +69,9 @@ def cases() -> list[Case]:
 
 def render(case: Case, out: Path) -> None:
     """Render the frame in the middle of a scene; save its images and the sensor's noise."""
+    from vbaa_bench.assembly.plan import accepted_rig, plan
     from vbaa_bench.dataset.target import FAST
     from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, metered_frames
-    from vbaa_bench.generation.plan import accepted_rig, plan
     from vbaa_bench.scene.frames import Frames
     from vbaa_bench.scene.load import load_scene
 

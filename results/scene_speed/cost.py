@@ -28,6 +28,7 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from vbaa_bench.assembly.motion import exposure_poses
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter, shard_writer
 from vbaa_bench.generation.frame_renderer import (
@@ -37,7 +38,6 @@ from vbaa_bench.generation.frame_renderer import (
     RenderedFrame,
     metered_frames,
 )
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import render_static_layer
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.frames import Frames, FrameSpec, frame_specs

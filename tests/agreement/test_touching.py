@@ -11,9 +11,9 @@ from scipy.spatial.distance import cdist
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import load_scene

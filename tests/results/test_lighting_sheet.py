@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from results.pictures.lighting_sheet import LOOKS, dressed
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scene.schema import Scene
 

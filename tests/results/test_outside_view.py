@@ -12,9 +12,9 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import camera_looking_at, invert
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.variant import PLAIN, activate
 from vbaa_bench.scene.load import load_scene

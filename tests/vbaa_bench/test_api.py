@@ -17,9 +17,9 @@ from tests.draws import scene_seed
 from vbaa_bench.api import frame as frame_module
 from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
+from vbaa_bench.assembly.plan import check_scene
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation import generate as generating
-from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.scene.rendering import Layer
 from vbaa_bench.scoring.child import Job, MethodRun
 from vbaa_bench.scoring.layout import Results

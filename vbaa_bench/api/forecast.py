@@ -15,12 +15,12 @@ from typing import Any, Final, NamedTuple
 from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.scene import AnyScene
+from vbaa_bench.assembly.plan import accepted_rig, plan
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.collection import RigGenerator
 from vbaa_bench.generation.dataset_worker import DatasetWorker
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.plan import accepted_rig, plan
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.workers.jobs import Job

@@ -14,10 +14,10 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant
 from vbaa_bench.api.scene import AnyScene, scene_file
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, metered_frames
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile

@@ -9,7 +9,7 @@ import numpy as np
 from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.frame import rendered_frame
-from vbaa_bench.generation.plan import accepted_rig
+from vbaa_bench.assembly.plan import accepted_rig
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile

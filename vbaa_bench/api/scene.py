@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from vbaa_bench.generation.plan import accepted_rig
+from vbaa_bench.assembly.plan import accepted_rig
 from vbaa_bench.scene.load import SceneFile, check_scene, load_scene
 
 AnyScene = SceneFile | Path | str

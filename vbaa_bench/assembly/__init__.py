@@ -1,1 +1,1 @@
-"""Assembly of a frame: the mechanical experiment, its bodies and meshes, and their motion."""
+"""What a frame shows: the plan of the pushes, their experiments, bodies and meshes, and motion."""

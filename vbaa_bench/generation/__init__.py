@@ -1,1 +1,1 @@
-"""Generation of a dataset: plan of the pushes, images with readings and truth, workers."""
+"""Generation of a dataset: images with readings and truth, by workers that may die."""

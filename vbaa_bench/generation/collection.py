@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from solver.instrument.errors import DamageError, InputError
+from vbaa_bench.assembly.impossible import check_files
+from vbaa_bench.assembly.plan import accepted_rig
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import FolderError, locked
@@ -16,8 +18,6 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.scene_files import copy_files, file_digests
 from vbaa_bench.generation.deaths import Deaths, ImageError
 from vbaa_bench.generation.generate import Machine, generate
-from vbaa_bench.generation.impossible import check_files
-from vbaa_bench.generation.plan import accepted_rig
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile

@@ -10,6 +10,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
+from vbaa_bench.assembly.pushes import Pushes
 from vbaa_bench.dataset.aside import Aside, aside
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
@@ -17,7 +18,6 @@ from vbaa_bench.dataset.writer import ShardWriter, shard_writer
 from vbaa_bench.generation.deaths import ImageError
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, RenderedFrame
 from vbaa_bench.generation.metering_record import MeteringRecord
-from vbaa_bench.generation.pushes import Pushes
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import FrameName, Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile, recorded_scene

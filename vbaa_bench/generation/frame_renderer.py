@@ -11,12 +11,12 @@ import numpy as np
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.units import PERCENT
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.look import Look, look_of, rest_dirt, rest_look
 from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
 from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.pushes import PushSolver
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.dataset.target import processor
-from vbaa_bench.generation.look import Look, look_of, rest_dirt, rest_look
-from vbaa_bench.generation.pushes import PushSolver
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.render.frame import (

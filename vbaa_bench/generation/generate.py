@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from solver.instrument.files import holds, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.rig_json import rig_to_json
+from vbaa_bench.assembly.plan import check_scene
 from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
@@ -20,7 +21,6 @@ from vbaa_bench.generation.dataset_worker import dataset_worker
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.metering_record import recorded_metering
 from vbaa_bench.generation.missing_files import MissingFiles, shard_hashes
-from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig

@@ -6,7 +6,7 @@ from itertools import product
 from pathlib import Path
 
 from solver.instrument.errors import InputError, quoted
-from vbaa_bench.generation.plan import accepted_rig, rig_mistakes
+from vbaa_bench.assembly.plan import accepted_rig, rig_mistakes
 from vbaa_bench.limits.places import scene_of_map
 from vbaa_bench.scene.load import SceneFile, load_scene
 

@@ -13,11 +13,11 @@ import polars as pl
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import LEARN
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.table import SCHEMA, LimitsOfPushes
 from vbaa_bench.limits.visible_places import visible_in_image

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from solver.instrument.errors import InputError
 from solver.instrument.units import DEGREE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.generation.impossible import Extremes, too_far_or_near
+from vbaa_bench.assembly.impossible import Extremes, too_far_or_near
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec

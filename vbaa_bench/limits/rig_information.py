@@ -13,8 +13,8 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.look import draws_new_dirt
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.generation.look import draws_new_dirt
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import camera_parameters
 from vbaa_bench.limits.dirt import Dirt, information_through_dirt

@@ -11,11 +11,11 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.geometry.board import cells
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.scene.frames import Frames, FrameSpec

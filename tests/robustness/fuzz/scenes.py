@@ -9,8 +9,8 @@ from ruamel.yaml import YAML
 from tests.robustness.fuzz.damage import damaged
 from tests.robustness.fuzz.documents import yaml_text
 from tests.robustness.fuzz.trees import mutated
+from vbaa_bench.assembly.plan import accepted_rig, plan
 from vbaa_bench.dataset.identity import dataset_identity
-from vbaa_bench.generation.plan import accepted_rig, plan
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 

@@ -9,7 +9,7 @@ import trimesh
 from solver.instrument.errors import InputError
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.load import load_scene
 

@@ -14,7 +14,7 @@ from tests.conftest import SMALL_SCENE
 from tests.draws import generator
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.geometry.clutter import Sector, thing
 from vbaa_bench.scene.clutter import THINGS, Thing
 from vbaa_bench.scene.load import load_scene

@@ -9,7 +9,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.ground_view import MAX_SQUARES, chequered_side, finest_square
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scene.rigs import true_rig
 

@@ -11,8 +11,8 @@ from solver.instrument.units import DEGREE
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.motion import STEP_PX, averaged_poses, exposure_poses, pose_weights
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import RenderedRadiance, average_poses
 from vbaa_bench.render.layers import Layers
 from vbaa_bench.scene.load import SceneFile, load_scene

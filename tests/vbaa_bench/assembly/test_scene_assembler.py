@@ -8,9 +8,9 @@ import pytest
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed, seeded
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, RenderedRadiance, render_frame, render_static_layer
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.load import load_scene

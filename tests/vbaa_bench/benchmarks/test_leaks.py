@@ -18,6 +18,7 @@ from tests.conftest import SMALL_SCENE
 from tests.draws import generator
 from tests.truth_rows import complete_row
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.benchmarks.leaks import (
     ImageFacts,
     LeakFrame,
@@ -31,7 +32,6 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import seal
 from vbaa_bench.dataset.writer import shard_writer
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.scene.load import load_scene
 

@@ -16,6 +16,8 @@ from tests.conftest import SMALL_SCENE
 from tests.sealing import reseal
 from vbaa_bench.api.verification import verify
 from vbaa_bench.assembly.mesh_file import SceneMeshes
+from vbaa_bench.assembly.plan import check_scene
+from vbaa_bench.assembly.pushes import Pushes, PushSolver
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.identity import (
     OtherDatasetError,
@@ -30,8 +32,6 @@ from vbaa_bench.dataset.scene_files import check_copies, copy_files, file_digest
 from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation.collection import RigGenerator, RigResult, generate_collection
 from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
-from vbaa_bench.generation.plan import check_scene
-from vbaa_bench.generation.pushes import Pushes, PushSolver
 from vbaa_bench.scene.files import MAX_BYTES, SceneFileError, named_files
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene, recorded_scene

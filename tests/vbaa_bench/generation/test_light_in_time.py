@@ -9,8 +9,8 @@ import pytest
 from solver.instrument.arrays import Floats
 from tests.draws import seeded
 from vbaa_bench.assembly.motion import exposure_poses
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import RenderedRadiance
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.frames import FrameSpec, frame_specs

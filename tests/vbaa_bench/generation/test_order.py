@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.scene.load import load_scene
 
 EXPOSURE = 2e4

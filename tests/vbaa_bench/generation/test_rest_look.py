@@ -8,9 +8,9 @@ import pytest
 from solver.instrument.arrays import Floats
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.clutter import CLUTTER
+from vbaa_bench.assembly.look import Look, look_of, rest_dirt
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
-from vbaa_bench.generation.look import Look, look_of, rest_dirt
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import load_scene

@@ -16,9 +16,9 @@ import pytest
 
 from solver.instrument.arrays import Grey
 from solver.instrument.images import png_bytes, read_grey
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.dataset.target import FAST, processor, reference_target
 from vbaa_bench.generation.frame_renderer import FrameRenderer, metered_frames
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
 

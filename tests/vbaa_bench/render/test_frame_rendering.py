@@ -14,9 +14,9 @@ import pytest
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.plan import Plan, plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.generation.plan import Plan, plan
 from vbaa_bench.render import frame as rendering
 from vbaa_bench.render import pilots as pilot_samples
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame

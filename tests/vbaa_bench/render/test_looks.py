@@ -9,8 +9,8 @@ from scipy import stats
 from results.render_speed.plain import Plain
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed, seeded
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene

@@ -15,9 +15,9 @@ import pytest
 from solver.instrument.arrays import Floats
 from tests.consistency import MOST_SIGMAS
 from tests.draws import generator, scene_seed
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.dataset.target import FAST, NATIVE, target
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import RenderedRadiance
 from vbaa_bench.render.tracing import Quantity, trace
 from vbaa_bench.render.variant import activate

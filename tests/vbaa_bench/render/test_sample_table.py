@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.draws import generator
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer, metered_frames
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene

@@ -14,8 +14,8 @@ from scipy.linalg import solve_banded
 from results.render_speed.image_error import Line, beam_line
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import PLAIN

@@ -9,8 +9,8 @@ import pytest
 from solver.instrument.arrays import Floats, Mask
 from tests.consistency import MOST_SIGMAS
 from tests.draws import scene_seed, seeded
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World

@@ -12,8 +12,8 @@ from scipy import stats
 from results.render_speed.image_error import Line, beam_line
 from solver.instrument.arrays import Floats
 from tests.draws import scene_seed, seeded
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.frame import (
     NoiseTarget,

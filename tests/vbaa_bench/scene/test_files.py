@@ -6,7 +6,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.conftest import SMALL_SCENE
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.load import load_scene
 

@@ -8,7 +8,7 @@ import pytest
 from solver.instrument.errors import InputError
 from tests.conftest import SCENE_TEXT
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.assembly.plan import plan
 from vbaa_bench.scene.load import SceneFile, check_scene, load_scene, recorded_scene
 from vbaa_bench.scene.renamed import RENAMED
 

@@ -12,7 +12,7 @@ import numpy as np
 from solver.instrument.errors import InputError
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.generation.impossible import Extremes, too_far_or_near, too_fine
+from vbaa_bench.assembly.impossible import Extremes, too_far_or_near, too_fine
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec

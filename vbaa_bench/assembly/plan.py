@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from solver.instrument.errors import InputError
-from vbaa_bench.generation.impossible import (
+from vbaa_bench.assembly.impossible import (
     Extremes,
     board_out_of_view,
     check_files,
 )
-from vbaa_bench.generation.pushes import Pushes, PushSolver, impossible_targets, solve
+from vbaa_bench.assembly.pushes import Pushes, PushSolver, impossible_targets, solve
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec, in_order
 from vbaa_bench.scene.load import SceneFile
