@@ -1,4 +1,6 @@
-"""Scores in per cent, of the beam's length or of the true value: what each is, and how it is made.
+"""Scores that are computed from others: what each is, and how it is made.
+
+They are errors in per cent, of the beam's length or of the true value, and errors of vectors.
 
 A column that is added here is computed, checked, described in the data dictionary and exported. If
 it is an error and has a heading, its RMSE is also in the summary, in the tables of `vbaa-bench
@@ -11,7 +13,9 @@ from typing import Final, NamedTuple
 import polars as pl
 
 from vbaa_bench.dataset.column import SIGMA_D, Column, Presence
+from vbaa_bench.dataset.columns import TRUTH
 from vbaa_bench.dataset.table_schema import LARGEST
+from vbaa_bench.scoring.scored_quantities import VECTORS, components
 
 FAILED: Final = "the frame has failed, or the method does not estimate it"
 
@@ -53,6 +57,17 @@ def _of_springs(one: ComputedScore) -> ComputedScore:
     )
 
 
+def _of_vector(name: str, unit: str, true: str) -> ComputedScore:
+    """The norm of a vector's error; null unless all components are estimated."""
+    squares = [pl.col(component.error) ** 2 for component in components(name, unit, true)]
+    norm = pl.sum_horizontal(squares, ignore_nulls=False).sqrt()
+    column = Column(f"norm of the error of {true}", TRUTH[true].frame, FAILED)
+    return ComputedScore(column, lambda _length_mm: norm)
+
+
+VECTOR_ERRORS: Final = {
+    f"{name}_vector_error_{unit}": _of_vector(name, unit, true) for name, unit, true in VECTORS
+}
 COMPUTED: Final = {
     "x_c_error_pct_L": _of_length("x_c_error_mm", "error of x_c", SIGMA_D),
     "x_c_limit_pct_L": _of_length(
@@ -73,4 +88,5 @@ COMPUTED: Final = {
             null=f"the object is rigid, or {FAILED}",
         )
     ),
+    **VECTOR_ERRORS,
 }

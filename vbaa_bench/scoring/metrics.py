@@ -25,9 +25,7 @@ from vbaa_bench.scoring.scored_quantities import (
     CONSISTENT_SIGMAS,
     NUMBERS,
     SCORED_QUANTITIES,
-    VECTORS,
     ScoredQuantity,
-    components,
 )
 from vbaa_bench.scoring.strata import fixed_classes
 
@@ -201,7 +199,6 @@ def score_frames(
             "consistent"
         ),
         *(one.value(length).alias(name) for name, one in COMPUTED.items()),
-        *(_vector_error(*vector) for vector in VECTORS),
     ).drop("may_say", "violated")
 
 
@@ -270,10 +267,3 @@ def _in_sigmas(quantity: ScoredQuantity) -> pl.Expr:
     # A sigma may be so small that the ratio is infinite.
     ratio = pl.col(quantity.error) / pl.col(quantity.sigma)
     return ratio.clip(-LARGEST, LARGEST).alias(quantity.in_sigmas)
-
-
-def _vector_error(name: str, unit: str, true: str) -> pl.Expr:
-    """Make the expression of a vector error's norm; null unless all components are estimated."""
-    squares = [pl.col(component.error) ** 2 for component in components(name, unit, true)]
-    error = pl.sum_horizontal(squares, ignore_nulls=False).sqrt()
-    return error.alias(f"{name}_vector_error_{unit}")

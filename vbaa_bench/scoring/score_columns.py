@@ -7,14 +7,13 @@ from solver.instrument.quantities import QUANTITIES
 from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column, Kind, Presence
 from vbaa_bench.dataset.columns import JOINED, TRUTH
 from vbaa_bench.dataset.table_schema import schema_of
-from vbaa_bench.scoring.computed_scores import COMPUTED, FAILED
+from vbaa_bench.scoring.computed_scores import COMPUTED, FAILED, VECTOR_ERRORS
 from vbaa_bench.scoring.conditions import CONDITIONS, FACTOR_PREFIX, STRATA
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
     LIMITED,
     NUMBERS,
     SCORED_QUANTITIES,
-    VECTORS,
     X_C,
 )
 from vbaa_bench.scoring.statistics import (
@@ -138,15 +137,6 @@ def _truths_and_errors() -> dict[str, Column]:
     return columns
 
 
-def _vector_errors() -> dict[str, Column]:
-    return {
-        f"{name}_vector_error_{unit}": Column(
-            f"norm of the error of {true}", TRUTH[true].frame, FAILED
-        )
-        for name, unit, true in VECTORS
-    }
-
-
 def _limits() -> dict[str, Column]:
     columns = {
         "frame_id": JOINED["frame_id"],
@@ -194,7 +184,7 @@ SCORES: Final = {
     "message": PREDICTIONS["message"]._replace(presence=Presence.PRESENT),
     "assumption": PREDICTIONS["assumption"],
     **_having(Presence.PRESENT, _truths_and_errors()),
-    **_vector_errors(),
+    **{name: one.column for name, one in VECTOR_ERRORS.items()},
     "x_c_simple_rms_mm": Column(f"least RMS of errors of x_c {_SIMPLE}", SIGMA_D, _HOLDS),
     "force_simple_rms_n": Column(f"least RMS of errors of force_n {_SIMPLE}", SIGMA_A, _HOLDS),
     **{name: one.column for name, one in COMPUTED.items()},
