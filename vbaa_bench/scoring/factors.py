@@ -7,7 +7,7 @@ import polars as pl
 
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.conditions import FACTOR_PREFIX
-from vbaa_bench.scoring.statistics import FACTOR
+from vbaa_bench.scoring.statistics import FACTOR, compute
 from vbaa_bench.scoring.strata import factor_groups
 
 # Fewer frames say nothing. Chosen: a rate of one half is then known to 8 %.
@@ -109,7 +109,7 @@ def factor_table(scores: pl.DataFrame) -> pl.DataFrame:
 
 def _groups(scores: pl.DataFrame, factor: str) -> list[dict[str, Any]]:
     return [
-        {"group": name, **{figure: one.of(frames) for figure, one in FACTOR.items()}}
+        {"group": name, **compute(FACTOR, frames)}
         for name, frames in factor_groups(scores, factor)
         if frames.height >= _MIN_FRAMES
     ]

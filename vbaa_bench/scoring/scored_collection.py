@@ -18,7 +18,7 @@ from vbaa_bench.scoring.information import scored_limits
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
 from vbaa_bench.scoring.score import found_predictions, write_scores
-from vbaa_bench.scoring.statistics import COLLECTION
+from vbaa_bench.scoring.statistics import COLLECTION, compute
 from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import summarise
 
@@ -110,5 +110,5 @@ def _over_rigs(rows: pl.DataFrame) -> dict[str, Any]:
     ends = share_interval(counts["consistent"].to_numpy(), counts["cases"].to_numpy())
     return {
         "consistent_rate_95": None if ends is None else list(ends),
-        **{name: statistic.of(rows) for name, statistic in COLLECTION.items()},
+        **compute(COLLECTION, rows),
     }

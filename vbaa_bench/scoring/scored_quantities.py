@@ -9,7 +9,7 @@ from solver.lab.table import CORRELATIONS
 from vbaa_bench.dataset.labels import HAS_CONTACT, TRUE_COMPLIANCE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScoredQuantity:
     """Scored quantity: its columns in a predictions table, and its true value.
 

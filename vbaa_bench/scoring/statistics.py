@@ -4,7 +4,8 @@ A statistic takes one number of every frame that has it, its term, and reduces t
 Tables of errors, summaries, reports and comparisons follow from the declarations.
 """
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -44,7 +45,7 @@ class Reduction(NamedTuple):
     empty: float | None = None
 
 
-def _quantile(probability: float) -> Reduction:
+def _percentile(probability: float) -> Reduction:
     return Reduction(
         lambda values: float(np.quantile(values, probability)),
         lambda column: column.quantile(probability, "linear"),
@@ -56,9 +57,9 @@ MEAN: Final = Reduction(lambda values: float(np.mean(values)), pl.Expr.mean)
 RMS: Final = Reduction(
     lambda values: float(np.sqrt(np.mean(values**2))), lambda column: (column**2).mean().sqrt()
 )
-MEDIAN: Final = _quantile(0.5)
-P05: Final = _quantile(0.05)
-P95: Final = _quantile(0.95)
+MEDIAN: Final = Reduction(lambda values: float(np.quantile(values, 0.5)), pl.Expr.median)
+P05: Final = _percentile(0.05)
+P95: Final = _percentile(0.95)
 LARGEST: Final = Reduction(lambda values: float(np.max(values)), pl.Expr.max)
 
 
@@ -81,14 +82,7 @@ class Statistic:
 
     def of(self, rows: pl.DataFrame) -> float | None:
         """Compute the statistic of rows of the scores."""
-        if self.defined is not None and not rows.select(self.defined).item():
-            return None
-        values = rows.select(self.values).to_series().drop_nulls().to_numpy()
-        value = self.reduction.of(values) if len(values) else self.reduction.empty
-        if self.over is None or value is None:
-            return value
-        divisor = self.over.of(rows)
-        return value / divisor if divisor else None
+        return compute({"value": self}, rows)["value"]
 
     @property
     def values(self) -> pl.Expr:
@@ -104,6 +98,28 @@ class Statistic:
             divisor = self.over.expression
             value /= pl.when(divisor != 0).then(divisor)
         return value if self.defined is None else pl.when(self.defined).then(value)
+
+
+def compute(statistics: Mapping[str, Statistic], rows: pl.DataFrame) -> dict[str, float | None]:
+    """Compute statistics of rows of the scores by name, in one query."""
+    divisors = {f"{name} over": one.over for name, one in statistics.items() if one.over}
+    of_all = {**divisors, **statistics}
+    terms = {name: one.values.drop_nulls().implode() for name, one in of_all.items()}
+    defined = {
+        f"{name} defined": one.defined for name, one in of_all.items() if one.defined is not None
+    }
+    found = rows.select(**terms, **defined)
+    values: dict[str, float | None] = {}
+    for name, one in of_all.items():
+        numbers = found[name].item().to_numpy()
+        value = one.reduction.of(numbers) if len(numbers) else one.reduction.empty
+        if f"{name} defined" in defined and not found[f"{name} defined"].item():
+            value = None
+        if f"{name} over" in divisors and value is not None:
+            divisor = values[f"{name} over"]
+            value = value / divisor if divisor else None
+        values[name] = value
+    return {name: values[name] for name in statistics}
 
 
 # Names of statistics of errors: of their order, and averages, which have bootstrap intervals in
@@ -126,6 +142,7 @@ def coverage(quantity: ScoredQuantity, sigmas: float) -> Statistic:
     return Statistic(meaning, MEAN, within, null=_NOT_STATED)
 
 
+@functools.cache
 def error_statistics(quantity: ScoredQuantity) -> dict[str, Statistic]:
     """Return the statistics of a quantity's errors by name."""
     error, in_sigmas = pl.col(quantity.error), pl.col(quantity.in_sigmas)

@@ -19,7 +19,7 @@ from vbaa_bench.scoring.scored_quantities import (
     SCORED_QUANTITIES,
     ScoredQuantity,
 )
-from vbaa_bench.scoring.statistics import SUMMARY, error_statistics
+from vbaa_bench.scoring.statistics import SUMMARY, compute, error_statistics
 from vbaa_bench.scoring.strata import ALL
 
 _CALIBRATION = (*COVERAGE, "within_3_sigma", "nees", "sigma_over_rmse")
@@ -76,7 +76,7 @@ def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
     rigid = rows.filter(~pl.col("free") & pl.col("k_s_n_m").is_null())
     quantities = (*SCORED_QUANTITIES, *COMPONENTS)
     return {
-        **{name: statistic.of(rows) for name, statistic in SUMMARY.items()},
+        **compute(SUMMARY, rows),
         "calibration": {
             **{quantity.name: calibration(rows, quantity) for quantity in quantities},
             "compliance_rigid": calibration(rigid, COMPLIANCE),
@@ -96,7 +96,8 @@ def calibration(rows: pl.DataFrame, quantity: ScoredQuantity) -> dict[str, Any] 
     if stated.is_empty():
         return None
     statistics = error_statistics(quantity)
-    return {"n": stated.height, **{name: statistics[name].of(stated) for name in _CALIBRATION}}
+    chosen = {name: statistics[name] for name in _CALIBRATION}
+    return {"n": stated.height, **compute(chosen, stated)}
 
 
 def _confusion(rows: pl.DataFrame) -> dict[str, dict[str, int]]:
