@@ -64,7 +64,7 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
     """Compute the statistics of every method in `rows`, scores with `group` and limits."""
     figures = {name: statistic.expression for name, statistic in REPORTED.items()}
     figures["information"] = pl.col("information").first()
-    figures |= {heading: SUMMARY[name].expression for name, heading in HEADINGS.items()}
+    figures |= {name: SUMMARY[name].expression for name in HEADINGS}
     parts = rows.select("method", "group", "x_c_error_pct_L", "image_ms").partition_by(
         "method", as_dict=True
     )
@@ -76,6 +76,6 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
             **{name: row[name] for name in ("method", *REPORTED, "information")},
             median_95=median_interval(part["x_c_error_pct_L"], groups),
             ms_95=median_interval(part["image_ms"], groups),
-            added={heading: row[heading] for heading in HEADINGS.values()},
+            added={heading: row[name] for name, heading in HEADINGS.items()},
         )
     return methods

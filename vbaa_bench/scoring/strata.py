@@ -2,10 +2,10 @@
 
 Classes with fixed limits compare methods over all datasets alike; they are columns of the scores,
 see `conditions.STRATA`. Reports, comparisons and tables of factors divide the frames that they have
-by their values: a class for each of a few values, or three classes of a number. Their thirds
-differ on purpose: a report has classes with equally many frames; a comparison has classes with
-equally many different values, so that they do not depend on which frames are paired; a table of
-factors has classes of distinct values with whole numbers of frames.
+by their values: a class for each of a few values, or three classes of a number. These differ on
+purpose. Those of a report have equally many frames. Those of a comparison have equally many
+different values, so that they do not depend on how many frames of a value are paired. Those of a
+factor have equally many frames, except that equal values are never divided.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -31,7 +31,7 @@ _AVAILABILITY_PCT: Final = (25.0, 45.0, 65.0, 85.0, 99.0)
 _PSI_DEG: Final = (5.0, 15.0, 35.0, 65.0)
 _NOISE_PCT: Final = (0.5, 1.0, 2.0, 4.0)
 
-# Classes into which many numbers are divided. Chosen: every further one costs sensitivity.
+# Classes into which many numbers are divided. Chosen: with more, each has too few frames.
 _GROUPS: Final = 3
 
 
