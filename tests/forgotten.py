@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator
 
 from vbaa_bench.scene import user_modules
-from vbaa_bench.scene.kinds import MODULES_IN_USE
+from vbaa_bench.scene.kinds import MODULES_IN_USE, rebuild
 from vbaa_bench.scene.schema import Scene
 
 
@@ -15,7 +15,7 @@ def forget_modules() -> None:
         sys.modules.pop(name, None)
     user_modules._IN_USE.clear()
     MODULES_IN_USE.clear()
-    Scene.model_rebuild(force=True)
+    rebuild(Scene)
 
 
 @contextlib.contextmanager

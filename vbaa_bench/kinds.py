@@ -3,10 +3,11 @@
 from vbaa_bench.geometry.mesh import mesh_of
 from vbaa_bench.geometry.sheets import annulus, rectangle
 from vbaa_bench.geometry.solids import box, lofted, prism, rod, together
+from vbaa_bench.geometry.textures import Texture, image_texture, random_texture
 from vbaa_bench.mechanics.surfaces import Solid, ball, upright
-from vbaa_bench.scene.files import EnvironmentName, ImageName, MeshName
+from vbaa_bench.scene.files import EnvironmentName, ImageFiles, ImageName, MeshName
 from vbaa_bench.scene.lights.emitter import Emitter, Lamp, pose_towards
-from vbaa_bench.scene.lights.light import LIGHTS, AimedKind, Files, LightKind, LightSetting, metres
+from vbaa_bench.scene.lights.light import LIGHTS, AimedKind, LightKind, LightSetting, metres
 from vbaa_bench.scene.lights.sight import NO_SHADING, Sight, Tangent
 from vbaa_bench.scene.objects.object import (
     OBJECTS,
@@ -17,17 +18,19 @@ from vbaa_bench.scene.objects.object import (
     UprightKind,
 )
 from vbaa_bench.scene.part import Coordinate, Fraction, NonNegative, Positive, Triple, Turn
+from vbaa_bench.scene.textures.texture import TEXTURES, TextureKind, TextureSetting
 
 __all__ = [
     "LIGHTS",
     "NO_SHADING",
     "OBJECTS",
+    "TEXTURES",
     "AimedKind",
     "Coordinate",
     "Emitter",
     "EnvironmentName",
-    "Files",
     "Fraction",
+    "ImageFiles",
     "ImageName",
     "Lamp",
     "LightKind",
@@ -40,6 +43,9 @@ __all__ = [
     "Sight",
     "Solid",
     "Tangent",
+    "Texture",
+    "TextureKind",
+    "TextureSetting",
     "Touchable",
     "TouchedKind",
     "Triple",
@@ -48,11 +54,13 @@ __all__ = [
     "annulus",
     "ball",
     "box",
+    "image_texture",
     "lofted",
     "mesh_of",
     "metres",
     "pose_towards",
     "prism",
+    "random_texture",
     "rectangle",
     "rod",
     "together",

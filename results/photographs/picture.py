@@ -20,10 +20,9 @@ from solver.instrument.units import GRAM, MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
+from vbaa_bench.geometry.textures import Texture, gaussian_field
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.surface import Surface
-from vbaa_bench.render.textures import gaussian_field
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import check_scene
 from vbaa_bench.scene.random_streams import random_generator, render_seed

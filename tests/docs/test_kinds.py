@@ -25,7 +25,7 @@ from vbaa_bench.scene.user_modules import modules_in_use, use_module
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "kinds.md").read_text(encoding="utf-8")
 # In place of the page's own pushes: two frames of a small image, and all kinds of the page.
 SMALL: Final = """
-object: {kind: hex_bar}
+object: {kind: hex_bar, texture: {kind: bands}}
 camera: {width_px: 256, height_px: 88, focal_length_px: 350, position_mm: [120, 22, 360],
          look_at_mm: [120, 22, 0]}
 calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120, 22], views: 4}
@@ -41,9 +41,9 @@ def blocks(language: str) -> list[str]:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with the page's module and scene, in which the commands run."""
-    *lamp, bar = blocks("python")
+    *lamp, bar, bands = blocks("python")
     (tmp_path / "my_lamp.py").write_text("\n".join(lamp), encoding="utf-8")
-    (tmp_path / "my_object.py").write_text(bar, encoding="utf-8")
+    (tmp_path / "my_object.py").write_text(f"{bar}\n{bands}", encoding="utf-8")
     (text,) = blocks("yaml")
     text = text.partition("pushes:")[0].replace("lights:", "lights:\n  - {kind: sun}")
     (tmp_path / "my_scene.yaml").write_text(text + SMALL, encoding="utf-8")

@@ -14,7 +14,7 @@ from vbaa_bench.assembly.ground_view import view_of_ground
 from vbaa_bench.assembly.mesh_file import SceneMeshes
 from vbaa_bench.geometry.clutter import Room, Sector, places, thing
 from vbaa_bench.geometry.solids import together
-from vbaa_bench.render.materials import Texture
+from vbaa_bench.geometry.textures import Texture
 from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.objects.object import ObjectSetting

@@ -16,10 +16,9 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.ground_view import chequered_side, edge_side, edged_sheet
 from vbaa_bench.geometry.board import squares
 from vbaa_bench.geometry.sheets import sheet
+from vbaa_bench.geometry.textures import Texture, gradient_texture, image_texture, random_texture
 from vbaa_bench.render.image_files import read_surface_image
-from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.surface import Surface
-from vbaa_bench.render.textures import gradient_texture, image_texture, random_texture
 from vbaa_bench.scene.clutter import EdgeSpec
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig

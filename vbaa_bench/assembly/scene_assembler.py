@@ -25,9 +25,9 @@ from vbaa_bench.assembly.wires import WIRES, wires_surface
 from vbaa_bench.geometry.board import board, cells
 from vbaa_bench.geometry.box_mapping import unshared
 from vbaa_bench.geometry.hub import adaptor, hub
+from vbaa_bench.geometry.textures import Texture
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.surface import RenderUnit, Surface

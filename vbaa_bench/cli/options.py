@@ -115,7 +115,7 @@ Modules = Annotated[
         "--module",
         callback=_use_modules,
         expose_value=False,
-        help="lights and objects of your own, in NAME.py (see docs/kinds.md); repeatable",
+        help="kinds of your own, in NAME.py (see docs/kinds.md); repeatable",
         metavar="NAME",
     ),
 ]

@@ -1,12 +1,12 @@
 """Paints as Mitsuba's BSDFs."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.textures import Texture
 from vbaa_bench.scene.paint import Paint
 
 # Refractive index and extinction coefficient of iron at 550 nm (Johnson and Christy 1974): its
@@ -14,23 +14,6 @@ from vbaa_bench.scene.paint import Paint
 IRON = (2.95, 2.93)
 # Reflectance of matt black paint.
 BLACK = 0.03
-
-
-@dataclass(frozen=True)
-class Texture:
-    """Reflectances `image` (height, width) and their texture coordinates `uv` (vertices, 2).
-
-    The image spans 0..1 in u along its rows and in v along its columns. Outside it is continued by
-    its border values, or repeated. `gloss` (height, width) are factors of the specular reflectance,
-    from 0 to 1. On a beam, `uv` is empty: its coordinates are arc length [mm] times `per_mm` and
-    the place around it, from 0 to 1.
-    """
-
-    image: Floats
-    uv: Floats
-    repeated: bool = False
-    gloss: Floats | None = None
-    per_mm: float = 1.0
 
 
 def bsdf(

@@ -9,10 +9,11 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.textures import Texture
 from vbaa_bench.geometry.tube import normals
 from vbaa_bench.render.device_array import device_array
 from vbaa_bench.render.loading import load
-from vbaa_bench.render.materials import Texture, bsdf
+from vbaa_bench.render.materials import bsdf
 from vbaa_bench.scene.paint import Paint
 
 

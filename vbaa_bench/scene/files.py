@@ -7,11 +7,12 @@ values, of which some may be distributions: every file that may be drawn is name
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Final, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Final, Literal, NamedTuple, Protocol, get_args
 
 from pydantic import BaseModel, Field
 from pydantic.fields import FieldInfo
 
+from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import HASHES
 from vbaa_bench.scene.distributions import Choice, From
@@ -57,6 +58,16 @@ class NamedFile(NamedTuple):
     key: Key
     name: str
     kind: Kind
+
+
+class ImageFiles(Protocol):
+    """Reader of the images that a scene names. Its methods raise SceneFileError."""
+
+    def environment(self, name: str) -> Floats:
+        """Read the radiances (height, width) of a map of the surroundings."""
+
+    def image(self, name: str) -> Floats:
+        """Read the values (height, width) of an image, whose mean is 1."""
 
 
 class FileContent(NamedTuple):

@@ -23,17 +23,21 @@ from solver.instrument.errors import InputError
 _PACKAGE: Final = __name__.partition(".")[0]
 # Names of users' modules whose kinds are allowed. Set by `use_module`.
 MODULES_IN_USE: Final = set[str]()
+# All families; those whose kinds have sections of other families come after these.
+_FAMILIES: Final = list["Kinds[Any]"]()
 K = TypeVar("K", bound=BaseModel)
 
 
 class Kinds(Generic[K]):
     """The kinds of one family. As the metadata of a type, `Annotated[Base, KINDS]`, it allows them.
 
-    Pydantic compiles the allowed kinds into a model: after a change, it must be rebuilt.
+    Pydantic compiles the allowed kinds into each model that has such a section: `rebuild` does it
+    anew after a change.
     """
 
     def __init__(self) -> None:
         self._models: dict[str, type[K]] = {}
+        _FAMILIES.append(self)
 
     def register(self, *models: type[K]) -> None:
         """Add kinds. Raises InputError for a model without `kind`, and for a name that is taken."""
@@ -57,6 +61,14 @@ class Kinds(Generic[K]):
     ) -> CoreSchema:
         union = reduce(operator.or_, self.models.values())
         return handler.generate_schema(Annotated[union, Field(discriminator="kind")])
+
+
+def rebuild(model: type[BaseModel]) -> None:
+    """Compile the kinds that are allowed now into all kinds, and then into a model of them."""
+    for family in _FAMILIES:
+        for kind in family.models.values():
+            kind.model_rebuild(force=True)
+    model.model_rebuild(force=True)
 
 
 def kind_of(model: type[BaseModel]) -> str | None:

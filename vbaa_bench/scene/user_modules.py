@@ -16,7 +16,7 @@ from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.files import read_regular
 from solver.instrument.syntax import syntax_digest
 from vbaa_bench.scene.files import leaves
-from vbaa_bench.scene.kinds import MODULES_IN_USE, kind_of
+from vbaa_bench.scene.kinds import MODULES_IN_USE, kind_of, rebuild
 from vbaa_bench.scene.schema import Scene
 
 
@@ -93,5 +93,5 @@ def _used(name: str, source: bytes, path: str) -> UserModule:
         raise InputError(f"{path}: cannot be imported ({reason})") from error
     MODULES_IN_USE.add(name)
     _IN_USE[name] = used
-    Scene.model_rebuild(force=True)
+    rebuild(Scene)
     return used

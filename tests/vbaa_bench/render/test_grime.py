@@ -8,11 +8,10 @@ from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_hidden_strip import bent
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE
 from vbaa_bench.geometry.sheets import sheet
+from vbaa_bench.geometry.textures import Grime, Texture, grime_texture
 from vbaa_bench.geometry.tube import arc_length_of_vertices, around_of_vertices, tube
 from vbaa_bench.render.layers import every_pixel
-from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.surface import RenderUnit, Surface
-from vbaa_bench.render.textures import Grime, grime_texture
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World

@@ -7,9 +7,9 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from tests.draws import generator, scene_seed
+from vbaa_bench.geometry.textures import gradient_texture, random_texture
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
-from vbaa_bench.render.textures import gradient_texture, random_texture
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.paint import Paint
 

@@ -7,8 +7,9 @@ import numpy as np
 from pydantic import Field
 
 from vbaa_bench.geometry.sheets import rectangle
+from vbaa_bench.scene.files import ImageFiles
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import ALONG, AimedKind, Files, LightSetting, Sides, metres
+from vbaa_bench.scene.lights.light import ALONG, AimedKind, LightSetting, Sides, metres
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Triple
 
@@ -22,7 +23,7 @@ class AreaSpec(AimedKind):
         default=(300, 200), description="Lengths of the first and the second side."
     )
 
-    def emitter(self, setting: LightSetting, _files: Files) -> Lamp:
+    def emitter(self, setting: LightSetting, _files: ImageFiles) -> Lamp:
         """Build the lamp, perpendicular to the direction to its aim."""
         position, aim = self.ends(setting)
         mesh = rectangle(position, aim - position, ALONG, metres(self.size_mm))

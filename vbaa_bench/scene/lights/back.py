@@ -7,8 +7,9 @@ from pydantic import Field
 
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.sheets import rectangle
+from vbaa_bench.scene.files import ImageFiles
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import ALONG, UP, Files, LightKind, LightSetting, Sides, metres
+from vbaa_bench.scene.lights.light import ALONG, UP, LightKind, LightSetting, Sides, metres
 from vbaa_bench.scene.lights.sight import NO_SHADING, Sight, Tangent
 from vbaa_bench.scene.part import Positive
 
@@ -39,7 +40,7 @@ class BackSpec(LightKind):
         """Return the height of the panel."""
         return self.height_above_background_mm - setting.ground_mm
 
-    def emitter(self, setting: LightSetting, _files: Files) -> Lamp:
+    def emitter(self, setting: LightSetting, _files: ImageFiles) -> Lamp:
         """Build the panel, facing up, below the camera's look-at."""
         x, y, _ = setting.look_at
         middle = np.array([x, y, self.panel_mm(setting) * MILLIMETRE])

@@ -12,10 +12,10 @@ from pydantic import Field
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE
-from vbaa_bench.scene.files import EnvironmentName
+from vbaa_bench.scene.files import EnvironmentName, ImageFiles
 from vbaa_bench.scene.lights.ambient import EVEN
 from vbaa_bench.scene.lights.emitter import Emitter
-from vbaa_bench.scene.lights.light import Files, LightKind, LightSetting
+from vbaa_bench.scene.lights.light import LightKind, LightSetting
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Turn
 
@@ -71,7 +71,7 @@ class EnvironmentSpec(LightKind):
     )
     rotation_deg: Turn = Field(default=0, description="Turn of the surroundings about +z.")
 
-    def emitter(self, _setting: LightSetting, files: Files) -> Environment:
+    def emitter(self, _setting: LightSetting, files: ImageFiles) -> Environment:
         """Build the map of radiances."""
         image = laboratory() if self.file is None else files.environment(self.file)
         image = rotated(image, self.rotation_deg * DEGREE)

@@ -1,13 +1,14 @@
 """What a kind of light is: its keys, and what follows from them. `docs/kinds.md` shows how."""
 
 from abc import ABC, abstractmethod
-from typing import Annotated, Final, NamedTuple, Protocol
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import MILLIMETRE
+from vbaa_bench.scene.files import ImageFiles
 from vbaa_bench.scene.kinds import Kinds
 from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.lights.sight import Sight, Tangent
@@ -39,16 +40,6 @@ class LightSetting(NamedTuple):
         return metres(self.look_at_mm)
 
 
-class Files(Protocol):
-    """Reader of the files that a scene names. Its methods raise SceneFileError."""
-
-    def environment(self, name: str) -> Floats:
-        """Read the radiances (height, width) of a map of the surroundings."""
-
-    def image(self, name: str) -> Floats:
-        """Read the values (height, width) of an image, whose mean is 1."""
-
-
 class LightKind(Part, ABC):
     """One of several lights, fixed to the same frame as the camera and aimed at its look-at."""
 
@@ -60,7 +51,7 @@ class LightKind(Part, ABC):
     kind: str
 
     @abstractmethod
-    def emitter(self, setting: LightSetting, files: Files) -> Emitter:
+    def emitter(self, setting: LightSetting, files: ImageFiles) -> Emitter:
         """Build the light for the renderer. Raises SceneFileError for a file it cannot use."""
 
     @abstractmethod

@@ -6,8 +6,9 @@ from pydantic import Field, model_validator
 
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.sheets import annulus
+from vbaa_bench.scene.files import ImageFiles
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import Files, LightKind, LightSetting
+from vbaa_bench.scene.lights.light import LightKind, LightSetting
 from vbaa_bench.scene.lights.sight import NO_SHADING, Sight, Tangent
 from vbaa_bench.scene.part import Positive
 
@@ -28,7 +29,7 @@ class RingSpec(LightKind):
             )
         return self
 
-    def emitter(self, setting: LightSetting, _files: Files) -> Lamp:
+    def emitter(self, setting: LightSetting, _files: ImageFiles) -> Lamp:
         """Build the ring about the camera, facing its look-at."""
         camera, aim = setting.camera, setting.look_at
         radii = self.inner_radius_mm * MILLIMETRE, self.outer_radius_mm * MILLIMETRE

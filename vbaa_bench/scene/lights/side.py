@@ -9,8 +9,9 @@ from pydantic import Field
 from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.sheets import rectangle
+from vbaa_bench.scene.files import ImageFiles
 from vbaa_bench.scene.lights.emitter import Lamp
-from vbaa_bench.scene.lights.light import ALONG, UP, Files, LightKind, LightSetting, Sides, metres
+from vbaa_bench.scene.lights.light import ALONG, UP, LightKind, LightSetting, Sides, metres
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Positive, Turn
 
@@ -33,7 +34,7 @@ class SideSpec(LightKind):
         default=(400, 100), description="Lengths of the level and the other side."
     )
 
-    def emitter(self, setting: LightSetting, _files: Files) -> Lamp:
+    def emitter(self, setting: LightSetting, _files: ImageFiles) -> Lamp:
         """Build the lamp, perpendicular to the direction to the camera's look-at."""
         aim = setting.look_at
         away = turn_about_z(self.azimuth_deg * DEGREE)[:3, :3] @ ALONG

@@ -9,8 +9,9 @@ from pydantic import Field
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE
+from vbaa_bench.scene.files import ImageFiles
 from vbaa_bench.scene.lights.emitter import Emitter, pose_towards
-from vbaa_bench.scene.lights.light import AimedKind, Files, LightSetting
+from vbaa_bench.scene.lights.light import AimedKind, LightSetting
 from vbaa_bench.scene.part import Triple
 
 # Fraction of a spot's cone beyond which its intensity fades.
@@ -59,7 +60,7 @@ class SpotSpec(AimedKind):
         default=60, description="Full angle of the cone, of which the outer quarter fades."
     )
 
-    def emitter(self, setting: LightSetting, _files: Files) -> Spot:
+    def emitter(self, setting: LightSetting, _files: ImageFiles) -> Spot:
         """Build the point source."""
         position, aim = self.ends(setting)
         return Spot(position, aim, self.cone_angle_deg * DEGREE, self.irradiance)

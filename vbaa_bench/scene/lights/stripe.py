@@ -10,8 +10,9 @@ from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.sheets import axes
+from vbaa_bench.scene.files import ImageFiles
 from vbaa_bench.scene.lights.emitter import Emitter, pose_towards
-from vbaa_bench.scene.lights.light import ALONG, AimedKind, Files, LightSetting
+from vbaa_bench.scene.lights.light import ALONG, AimedKind, LightSetting
 from vbaa_bench.scene.part import Positive, Triple
 
 # Pixels of the stripe's slide across the width of a blurred edge.
@@ -87,7 +88,7 @@ class StripeSpec(AimedKind):
             )
         return self
 
-    def emitter(self, setting: LightSetting, _files: Files) -> Projector:
+    def emitter(self, setting: LightSetting, _files: ImageFiles) -> Projector:
         """Build the projector, its slide's rows as parallel to the beam as possible."""
         position, aim = self.ends(setting)
         slide, along = self._slide(), axes(aim - position, ALONG)[0]

@@ -23,8 +23,9 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.mesh import Mesh
 from vbaa_bench.mechanics.surfaces import Surface
 from vbaa_bench.scene.kinds import Kinds
-from vbaa_bench.scene.paint import PaintedPart, TextureSpec
+from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.part import Below, NonNegative, Part, Triple
+from vbaa_bench.scene.textures.texture import AnyTexture
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +145,7 @@ class TouchedKind(PaintedPart, ObjectKind):
         description="Motion of the object from one step of a push to the next, along the axes of "
         "the antenna at first contact.",
     )
-    texture: TextureSpec | None = Field(
+    texture: AnyTexture | None = Field(
         default=None,
         description="Texture of every side, along the axis that it faces most; on bare steel it "
         "is one of gloss.",

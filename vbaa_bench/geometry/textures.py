@@ -4,16 +4,31 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.render.materials import Texture
 
 # Size of a texel, as a fraction of the correlation length.
 TEXEL = 1 / 8
 MAX_TEXELS = 2048
 _MAX_BEAM_TEXELS = 8192
+
+
+@dataclass(frozen=True)
+class Texture:
+    """Reflectances `image` (height, width) and their texture coordinates `uv` (vertices, 2).
+
+    The image spans 0..1 in u along its rows and in v along its columns. Outside it is continued by
+    its border values, or repeated. `gloss` (height, width) are factors of the specular reflectance,
+    from 0 to 1. On a beam, `uv` is empty: its coordinates are arc length [mm] times `per_mm` and
+    the place around it, from 0 to 1.
+    """
+
+    image: Floats
+    uv: Floats
+    repeated: bool = False
+    gloss: Floats | None = None
+    per_mm: float = 1.0
 
 
 def gradient_texture(
@@ -61,28 +76,6 @@ def image_texture(places: Floats, image: Floats, mean: float, width: float) -> T
     size = np.array([width, width * image.shape[0] / image.shape[1]])
     # The first row of a texture is at v = 0.
     return Texture(np.minimum(mean * image[::-1], 1.0), places / size + 0.5, repeated=True)
-
-
-def speckle_texture(
-    places: Floats,
-    reflectances: tuple[float, float],
-    size: float,
-    cover: float,
-    extent: float,
-    random: np.random.Generator,
-) -> Texture:
-    """Create printed speckles at `places` (n, 2) that repeat after `extent`.
-
-    Speckles of about the given `size` with the second of two `reflectances` cover the fraction
-    `cover`.
-    """
-    texel = size * TEXEL
-    side = int(min(np.ceil(extent / texel), MAX_TEXELS))
-    noise = random.standard_normal((side, side))
-    # With this sigma, where the field is below its lowest 30 to 40 %, is about `size` wide.
-    field = gaussian_filter(noise, size / (3 * texel), mode="wrap")
-    image = np.where(field < np.quantile(field, cover), reflectances[1], reflectances[0])
-    return Texture(image, places / (texel * side), repeated=True)
 
 
 def gaussian_field(

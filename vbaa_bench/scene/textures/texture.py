@@ -1,0 +1,40 @@
+"""What a kind of texture is: its keys, and the reflectances that follow. See `docs/kinds.md`."""
+
+from abc import ABC, abstractmethod
+from typing import Annotated, Final, NamedTuple
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.textures import Texture
+from vbaa_bench.scene.files import ImageFiles
+from vbaa_bench.scene.kinds import Kinds
+from vbaa_bench.scene.part import Part
+
+
+class TextureSetting(NamedTuple):
+    """What a texture refers to: the `places` (n, 2) [m] of a part's vertices on its sides.
+
+    `extent` [m] is the largest distance of two places along an axis. The texture has the `mean`
+    reflectance, and its pattern is drawn from `random`.
+    """
+
+    places: Floats
+    mean: float
+    extent: float
+    files: ImageFiles
+    random: np.random.Generator
+
+
+class TextureKind(Part, ABC):
+    """Texture of the sides of an object."""
+
+    kind: str
+
+    @abstractmethod
+    def texture(self, setting: TextureSetting) -> Texture:
+        """Create the reflectances. Raises SceneFileError for a file that cannot be used."""
+
+
+TEXTURES: Final[Kinds[TextureKind]] = Kinds()
+AnyTexture = Annotated[TextureKind, TEXTURES]
