@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator
 
 from vbaa_bench.scene import user_modules
-from vbaa_bench.scene.kinds import MODULES_IN_USE, rebuild
+from vbaa_bench.scene.families import MODULES_IN_USE, rebuild
 from vbaa_bench.scene.schema import Scene
 
 

@@ -16,7 +16,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import HASHES
 from vbaa_bench.scene.distributions import Choice, From
-from vbaa_bench.scene.kinds import narrowed, sections
+from vbaa_bench.scene.families import narrowed, sections
 
 # Longest name, with folders. Chosen: file names can have 255 characters.
 MAX_NAME_LENGTH: Final = 250

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from solver.instrument.errors import quoted, truncated
-from vbaa_bench.scene.kinds import family_of, kind_of, sections
+from vbaa_bench.scene.families import family_of, kind_of, sections
 from vbaa_bench.scene.random_keys import DistributionError
 from vbaa_bench.scene.renamed import new_key
 from vbaa_bench.scene.schema import Scene

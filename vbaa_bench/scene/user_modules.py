@@ -15,8 +15,8 @@ from typing import Any, Final
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.files import read_regular
 from solver.instrument.syntax import syntax_digest
+from vbaa_bench.scene.families import MODULES_IN_USE, kind_of, rebuild
 from vbaa_bench.scene.files import leaves
-from vbaa_bench.scene.kinds import MODULES_IN_USE, kind_of, rebuild
 from vbaa_bench.scene.schema import Scene
 
 

@@ -12,7 +12,7 @@ import pytest
 from solver.instrument.errors import InputError
 from tests.forgotten import forgotten
 from tests.vbaa_bench.residents import KindsOfLight
-from vbaa_bench.scene.kinds import Kinds
+from vbaa_bench.scene.families import Family
 from vbaa_bench.scene.lights.light import LIGHTS
 from vbaa_bench.scene.load import SceneFile, check_scene
 from vbaa_bench.scene.objects.object import OBJECTS
@@ -143,6 +143,6 @@ def test_worker_processes_get_the_module_with_their_first_job(folder: Path) -> N
 @pytest.mark.parametrize(
     "family", [LIGHTS, OBJECTS, TEXTURES], ids=["lights", "objects", "textures"]
 )
-def test_every_key_of_a_kind_has_a_description(family: Kinds[Any]) -> None:
+def test_every_key_of_a_kind_has_a_description(family: Family[Any]) -> None:
     fields = [field for model in family.models.values() for field in model.model_fields.items()]
     assert [name for name, field in fields if name != "kind" and not field.description] == []

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import MILLIMETRE
+from vbaa_bench.scene.families import Family
 from vbaa_bench.scene.files import ImageFiles
-from vbaa_bench.scene.kinds import Kinds
 from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.lights.sight import Sight, Tangent
 from vbaa_bench.scene.part import Part, Positive, Triple
@@ -104,5 +104,5 @@ def metres(position: tuple[float, ...]) -> Floats:
     return np.array(position) * MILLIMETRE
 
 
-LIGHTS: Final[Kinds[LightKind]] = Kinds()
+LIGHTS: Final[Family[LightKind]] = Family()
 AnyLight = Annotated[LightKind, LIGHTS]

@@ -22,7 +22,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.mesh import Mesh
 from vbaa_bench.mechanics.surfaces import Surface
-from vbaa_bench.scene.kinds import Kinds
+from vbaa_bench.scene.families import Family
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.part import Below, NonNegative, Part, Triple
 from vbaa_bench.scene.textures.texture import AnyTexture
@@ -177,5 +177,5 @@ class UprightKind(TouchedKind):
         return Touchable(low, high)
 
 
-OBJECTS: Final[Kinds[ObjectKind]] = Kinds()
+OBJECTS: Final[Family[ObjectKind]] = Family()
 AnyObject = Annotated[ObjectKind, OBJECTS]

@@ -7,8 +7,8 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.geometry.textures import Texture
+from vbaa_bench.scene.families import Family
 from vbaa_bench.scene.files import ImageFiles
-from vbaa_bench.scene.kinds import Kinds
 from vbaa_bench.scene.part import Part
 
 
@@ -36,5 +36,5 @@ class TextureKind(Part, ABC):
         """Create the reflectances. Raises SceneFileError for a file that cannot be used."""
 
 
-TEXTURES: Final[Kinds[TextureKind]] = Kinds()
+TEXTURES: Final[Family[TextureKind]] = Family()
 AnyTexture = Annotated[TextureKind, TEXTURES]

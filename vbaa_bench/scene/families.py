@@ -24,12 +24,12 @@ _PACKAGE: Final = __name__.partition(".")[0]
 # Names of users' modules whose kinds are allowed. Set by `use_module`.
 MODULES_IN_USE: Final = set[str]()
 # All families; those whose kinds have sections of other families come after these.
-_FAMILIES: Final = list["Kinds[Any]"]()
+_FAMILIES: Final = list["Family[Any]"]()
 K = TypeVar("K", bound=BaseModel)
 
 
-class Kinds(Generic[K]):
-    """The kinds of one family. As the metadata of a type, `Annotated[Base, KINDS]`, it allows them.
+class Family(Generic[K]):
+    """Kinds of one base class, which the type `Annotated[Base, FAMILY]` allows.
 
     Pydantic compiles the allowed kinds into each model that has such a section: `rebuild` does it
     anew after a change.
@@ -47,7 +47,7 @@ class Kinds(Generic[K]):
                 raise InputError(f"{_name(model)}: has no key kind, allowed is a Literal text")
             other = self._models.get(name)
             # A module that is imported again defines its kinds anew.
-            if other is not None and _name(other) != _name(model):
+            if other is not None and _is_allowed(other) and _name(other) != _name(model):
                 raise InputError(f"{_name(model)}: kind {name} is that of {_name(other)}")
             self._models[name] = model
 
@@ -65,9 +65,8 @@ class Kinds(Generic[K]):
 
 def rebuild(model: type[BaseModel]) -> None:
     """Compile the kinds that are allowed now into all kinds, and then into a model of them."""
-    for family in _FAMILIES:
-        for kind in family.models.values():
-            kind.model_rebuild(force=True)
+    for kind in (kind for family in _FAMILIES for kind in family.models.values()):
+        kind.model_rebuild(force=True)
     model.model_rebuild(force=True)
 
 
@@ -78,10 +77,10 @@ def kind_of(model: type[BaseModel]) -> str | None:
     return names[0] if len(names) == 1 and isinstance(names[0], str) else None
 
 
-def family_of(annotation: Any) -> Kinds[Any] | None:
+def family_of(annotation: Any) -> Family[Any] | None:
     """Return the family that a field or a type allows; None if it is none, or more than one."""
     parts = annotation.metadata if isinstance(annotation, FieldInfo) else get_args(annotation)
-    if (family := next((part for part in parts if isinstance(part, Kinds)), None)) is not None:
+    if (family := next((part for part in parts if isinstance(part, Family)), None)) is not None:
         return family
     if isinstance(annotation, FieldInfo):
         return family_of(annotation.annotation)
