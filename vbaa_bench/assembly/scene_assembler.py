@@ -164,7 +164,7 @@ class SceneAssembler:
         occlusion = scene.occlusion
         if occlusion is not None and occlusion.body is not None:
             cover = pose.spec.cover
-            covers = cover is not None and cover.kind != "removed"
+            covers = cover is not None and cover.in_image
             stretch = pose.hidden if covers else None
             random = random_generator(scene, "occluder", pose.spec.index)
             camera = self.rig.camera

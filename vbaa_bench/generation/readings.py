@@ -8,6 +8,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.occlusion import REMOVED
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.schema import Scene
 
@@ -32,8 +33,8 @@ def readings(
     }
     if scene.splits is not None:
         values["split"] = scene.splits.name(scene.seed, spec.push_number)
-    if scene.occlusion is not None and "removed" in scene.occlusion.kind:
-        is_removed = hidden is not None and spec.cover is not None and spec.cover.kind == "removed"
+    if scene.occlusion is not None and REMOVED in scene.occlusion.kind:
+        is_removed = hidden is not None and spec.cover is not None and not spec.cover.in_image
         first, last = hidden if is_removed and hidden is not None else (None, None)
         values["removed_from_mm"] = "" if first is None else first / MILLIMETRE
         values["removed_to_mm"] = "" if last is None else last / MILLIMETRE

@@ -43,7 +43,7 @@ def beam_places(imaged: ImagedBeam, state: State, fractions: Floats) -> BeamPlac
 def is_removed(pose: Pose, camera: Camera, pixels: Floats) -> Mask:
     """Test whether places (n, 2) [px] are in the stretch of x on plane C declared as missing."""
     cover, hidden = pose.spec.cover, pose.hidden
-    if cover is None or hidden is None or cover.kind != "removed":
+    if cover is None or hidden is None or cover.in_image:
         return np.zeros(len(pixels), np.bool_)
     ideal = camera.normalised(np.asarray(pixels, np.float64))
     x, _, w = camera.plane_from_normalised @ np.column_stack([ideal, np.ones(len(ideal))]).T

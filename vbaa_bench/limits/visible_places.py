@@ -20,7 +20,7 @@ def visible_in_image(pose: Pose, hidden_stretches_mm: Sequence[float]) -> Floats
     ends = np.array(hidden_stretches_mm).reshape(-1, 2)
     hidden = ((s[:, None] >= ends[:, 0]) & (s[:, None] <= ends[:, 1])).any(axis=1)
     cover = pose.spec.cover
-    if cover is not None and cover.kind == "removed":
+    if cover is not None and not cover.in_image:
         hidden |= _covered(pose)
     return np.asarray(1.0 - hidden)
 

@@ -9,6 +9,7 @@ from functools import partial
 from typing import NamedTuple
 
 from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.scene.occlusion import REMOVED
 from vbaa_bench.scene.push import (
     Push,
     StepTarget,
@@ -32,6 +33,11 @@ class Cover:
     kind: str
     place: str
     availability: float
+
+    @property
+    def in_image(self) -> bool:
+        """Whether it is a body in the image; else the stretch is only declared as missing."""
+        return self.kind != REMOVED
 
 
 @dataclass(frozen=True)

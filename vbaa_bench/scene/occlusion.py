@@ -1,11 +1,14 @@
 """Occluders that hide the beam from the camera."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.part import Fraction, Positive
+
+# The kind that hides nothing in the image.
+REMOVED: Final = "removed"
 
 
 class OcclusionSpec(PaintedPart):
@@ -31,7 +34,7 @@ class OcclusionSpec(PaintedPart):
 
     @model_validator(mode="after")
     def _check_bodies(self) -> "OcclusionSpec":
-        bodies = set(self.kind) - {"removed"}
+        bodies = set(self.kind) - {REMOVED}
         if len(bodies) > 1:
             raise ValueError(
                 f"kind is {list(self.kind)}, allowed is removed and one of sheet, bars, leaves"
@@ -41,4 +44,4 @@ class OcclusionSpec(PaintedPart):
     @property
     def body(self) -> str | None:
         """Kind of the occluding body in frames whose cover is not `removed`, or None."""
-        return next((kind for kind in self.kind if kind != "removed"), None)
+        return next((kind for kind in self.kind if kind != REMOVED), None)
