@@ -204,7 +204,7 @@ def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
         scene = Scene.model_validate(recorded_values(values, path))
     except ValidationError as error:
         # Such as a dataset of a version in which other scenes were allowed.
-        mistakes = listed_mistakes(path, CommentedMap(), error.errors())
+        mistakes = listed_mistakes(path, as_document(values, path), error.errors())
         raise InputError("\n".join(mistakes)) from error
     return SceneFile(path, scene, CommentedMap())
 
