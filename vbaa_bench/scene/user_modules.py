@@ -50,13 +50,17 @@ def use_module(name: str) -> None:
     path = next((path for folder in folders if (path := folder / f"{name}.py").is_file()), None)
     if path is None:
         raise InputError(
-            f"--module is {quoted(name)}, allowed is the name of a file here or on Python's path, "
-            "without its .py"
+            f"module {quoted(name)} is unknown, allowed is the name of a file here or on Python's "
+            "path, without its .py"
         )
     other = sys.modules.get(name)
     if name not in _IN_USE and other is not None and getattr(other, "__file__", "") != str(path):
-        raise InputError(f"--module is {name}, which is the name of another module")
-    _used(name, read_regular(path), str(path))
+        raise InputError(f"module {name}: has the name of another module, allowed is any other")
+    try:
+        source = read_regular(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    _used(name, source, str(path))
 
 
 def modules_in_use() -> tuple[UserModule, ...]:

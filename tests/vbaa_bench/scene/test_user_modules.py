@@ -103,11 +103,11 @@ def test_layout_and_comments_of_a_module_are_no_code(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "source", "said"),
     [
-        ("absent", None, "--module is 'absent', allowed is the name of a file here or on"),
-        ("../glowing", None, r"--module is '\.\./glowing', allowed is the name of a file"),
+        ("absent", None, "module 'absent' is unknown, allowed is the name of a file here or on"),
+        ("../glowing", None, r"module '\.\./glowing' is unknown, allowed is the name"),
         ("broken", "import nothing_of_that_name", r"broken\.py: cannot be imported \(ModuleNot"),
         ("broken", "def", r"broken\.py: cannot be imported \(SyntaxError: "),
-        ("pytest", "", "--module is pytest, which is the name of another module"),
+        ("pytest", "", "module pytest: has the name of another module"),
         (
             "broken",
             GLOW.replace('"glow"', '"spot"'),

@@ -36,7 +36,7 @@ class Emitter(ABC):
         renderer adds its mesh.
         """
 
-    def with_ambient(self, radiance: float) -> "Emitter | None":  # noqa: ARG002  # for others
+    def with_ambient(self, _radiance: float) -> "Emitter | None":
         """Return light from all around with more radiance; None for any other light."""
         return None
 
@@ -63,7 +63,7 @@ class Lamp(Emitter):
         """Return the corners of the mesh."""
         return np.asarray(self.mesh.vertices)
 
-    def description(self, render_from_antenna: Floats) -> dict[str, Any]:  # noqa: ARG002
+    def description(self, _render_from_antenna: Floats) -> dict[str, Any]:
         """Describe the light of the sheet, without its mesh."""
         return {"type": "area", "radiance": {"type": "rgb", "value": self.radiance}}
 

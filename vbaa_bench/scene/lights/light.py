@@ -73,7 +73,7 @@ class LightKind(Part, ABC):
 class AimedKind(LightKind):
     """A light at a place, with an aim."""
 
-    position_mm: Triple
+    position_mm: Triple = Field(description="Position of the light.")
     aim_mm: Triple | None = Field(
         default=None,
         description="Point at which the light is aimed, by default that at which the camera looks.",
