@@ -20,12 +20,26 @@ class ClutterSpec(Part):
     is no room for all, fewer lie there.
     """
 
-    count: Annotated[int, Field(ge=1, le=100)] = 12
-    size_mm: tuple[Positive, Positive] = (8, 40)
-    reflectance: tuple[Fraction, Fraction] = (0.04, 0.5)
-    things: Annotated[tuple[Thing, ...], Field(min_length=1)] = THINGS
-    top_mm: Below | None = None
-    under_beam: bool = False
+    count: Annotated[int, Field(ge=1, le=100)] = Field(
+        default=12, description="Number of things; fewer lie there if there is no room."
+    )
+    size_mm: tuple[Positive, Positive] = Field(
+        default=(8, 40), description="Range of the largest side."
+    )
+    reflectance: tuple[Fraction, Fraction] = Field(
+        default=(0.04, 0.5), description="Range of the reflectance."
+    )
+    things: Annotated[tuple[Thing, ...], Field(min_length=1)] = Field(
+        default=THINGS, description="Kinds of things of which each is drawn."
+    )
+    top_mm: Below | None = Field(
+        default=None,
+        description="Height of the highest top above plane C; by default half-way from the "
+        "ground to plane C.",
+    )
+    under_beam: bool = Field(
+        default=False, description="Whether things may lie where the beam passes above them."
+    )
 
     @model_validator(mode="after")
     def _check_ranges(self) -> "ClutterSpec":
@@ -46,9 +60,13 @@ class EdgeSpec(Part):
     Behind it is a floor, `drop_mm` lower. Azimuth is measured from +x to +y, in plane C.
     """
 
-    distance_mm: Positive = 60
-    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = 90
-    drop_mm: Positive = 300
-    thickness_mm: Positive = 25
-    side_reflectance: Fraction = 0.2
-    floor_reflectance: Fraction = 0.12
+    distance_mm: Positive = Field(
+        default=60, description="Distance of the edge from the beam's middle."
+    )
+    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        default=90, description="Direction in which the edge lies, from +x to +y in plane C."
+    )
+    drop_mm: Positive = Field(default=300, description="Height of the ground above the floor.")
+    thickness_mm: Positive = Field(default=25, description="Thickness of the ground.")
+    side_reflectance: Fraction = Field(default=0.2, description="Reflectance of the ground's side.")
+    floor_reflectance: Fraction = Field(default=0.12, description="Reflectance of the floor.")

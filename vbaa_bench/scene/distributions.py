@@ -24,7 +24,10 @@ class _Distribution(Part):
     distribution as often as that one.
     """
 
-    per: Level = "rig"
+    per: Level = Field(
+        default="rig",
+        description="How often a value is drawn: once per rig, for every push, or for every frame.",
+    )
 
 
 def _check_order(name: str, limits: tuple[float, float]) -> None:
@@ -35,7 +38,7 @@ def _check_order(name: str, limits: tuple[float, float]) -> None:
 class Uniform(_Distribution):
     """Uniform between two limits."""
 
-    uniform: _Range
+    uniform: _Range = Field(description="Smallest and largest value.")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -56,7 +59,9 @@ class Uniform(_Distribution):
 class LogUniform(_Distribution):
     """Uniform in the logarithm, between two positive limits."""
 
-    log_uniform: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+    log_uniform: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]] = Field(
+        description="Smallest and largest value."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -78,7 +83,7 @@ class LogUniform(_Distribution):
 class Integers(_Distribution):
     """Whole numbers from low to high, both included, with equal probabilities."""
 
-    integers: tuple[int, int]
+    integers: tuple[int, int] = Field(description="Smallest and largest number.")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -99,8 +104,8 @@ class Integers(_Distribution):
 class Normal(_Distribution):
     """Normal with a mean and a sigma, truncated: values outside of `clip` are never drawn."""
 
-    normal: tuple[float, Annotated[float, Field(gt=0)]]
-    clip: _Range
+    normal: tuple[float, Annotated[float, Field(gt=0)]] = Field(description="Mean and sigma.")
+    clip: _Range = Field(description="Smallest and largest value that is drawn.")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -129,9 +134,12 @@ class Normal(_Distribution):
 class Choice(_Distribution):
     """One of several values, lists or sections, which may contain distributions themselves."""
 
-    choice: Annotated[tuple[Any, ...], Field(min_length=1)]
-    # Relative probabilities, by default equal.
-    weights: tuple[Annotated[float, Field(ge=0)], ...] | None = None
+    choice: Annotated[tuple[Any, ...], Field(min_length=1)] = Field(
+        description="The values, lists or sections of which one is drawn."
+    )
+    weights: tuple[Annotated[float, Field(ge=0)], ...] | None = Field(
+        default=None, description="Relative probabilities, by default equal."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -168,9 +176,9 @@ class From(_Distribution):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    source: Annotated[str, Field(alias="from", min_length=1)]
-    times: Any = 1
-    plus: Any = 0
+    source: Annotated[str, Field(alias="from", min_length=1)] = Field(description="The other key.")
+    times: Any = Field(default=1, description="Factor, a number or a distribution.")
+    plus: Any = Field(default=0, description="Term, a number or a distribution.")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -16,8 +16,12 @@ class FlickerSpec(Part):
     image integrates the power over its exposure; a rolling shutter shows it as bands.
     """
 
-    mains_hz: Annotated[float, Field(ge=1, le=1e5)] = 50.0
-    depth_pct: Annotated[float, Field(ge=0, le=100)]
+    mains_hz: Annotated[float, Field(ge=1, le=1e5)] = Field(
+        default=50.0, description="Frequency of the alternating current, half that of the light."
+    )
+    depth_pct: Annotated[float, Field(ge=0, le=100)] = Field(
+        description="Largest change of the light over its mean."
+    )
 
 
 class BackgroundSpec(Part):
@@ -29,30 +33,59 @@ class BackgroundSpec(Part):
     `image_width_mm` wide. An image's mean is `reflectance`.
     """
 
-    distance_mm: Positive = 30
-    reflectance: Fraction = 0.05
-    pattern: Literal["plain", "squares", "graded", "textured", "image"] = "plain"
-    square_mm: Positive = 15
-    square_reflectance: Fraction = 0.02
-    # Place, relative to below the beam's middle, where four squares meet, and their direction. With
-    # no offset an edge between squares lies along the beam at rest.
-    square_offset_mm: tuple[Coordinate, Coordinate] = (0.0, 0.0)
-    square_turn_deg: Turn = 0.0
-    far_reflectance: Fraction = 0.30
-    # Direction, from +x to +y, of the change to `far_reflectance`, and the length of the change.
-    gradient_deg: Annotated[float, Field(ge=-360, le=360)] = 90
-    gradient_mm: Positive = 200
-    # Standard deviation over mean.
-    contrast: Annotated[float, Field(gt=0, le=1)] = 0.4
-    # Distance at which the correlation is 1/e, along y; along x, `correlation_ratio` times that.
-    correlation_mm: Positive = 2.0
-    correlation_ratio: Annotated[float, Field(ge=1, le=100)] = 1.0
-    image_file: ImageName | None = None
-    image_width_mm: Positive = 200
-    # Edge of the ground, if the camera is to see one; not with squares.
-    edge: EdgeSpec | None = None
-    # Fixed to the antenna's base plate, or to the world, where it turns past the camera.
-    fixed_to: Literal["antenna", "world"] = "antenna"
+    distance_mm: Positive = Field(default=30, description="Distance below plane C.")
+    reflectance: Fraction = Field(
+        default=0.05,
+        description="Reflectance, of squares the brighter one, of textures and images the mean.",
+    )
+    pattern: Literal["plain", "squares", "graded", "textured", "image"] = Field(
+        default="plain",
+        description="How it looks: an even gray, squares, a gradient, a random texture, or an "
+        "image.",
+    )
+    square_mm: Positive = Field(default=15, description="Side of the squares.")
+    square_reflectance: Fraction = Field(
+        default=0.02, description="Reflectance of the darker squares."
+    )
+    square_offset_mm: tuple[Coordinate, Coordinate] = Field(
+        default=(0.0, 0.0),
+        description="Place, relative to below the beam's middle, where four squares meet; "
+        "with no offset an edge between squares lies along the beam at rest.",
+    )
+    square_turn_deg: Turn = Field(
+        default=0.0, description="Direction of the squares, from +x to +y."
+    )
+    far_reflectance: Fraction = Field(
+        default=0.30, description="Reflectance at the far end of a gradient."
+    )
+    gradient_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        default=90, description="Direction of the change to `far_reflectance`, from +x to +y."
+    )
+    gradient_mm: Positive = Field(default=200, description="Length of the change.")
+    contrast: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.4, description="Standard deviation of a texture's reflectance over its mean."
+    )
+    correlation_mm: Positive = Field(
+        default=2.0, description="Distance at which a texture's correlation is 1/e, along y."
+    )
+    correlation_ratio: Annotated[float, Field(ge=1, le=100)] = Field(
+        default=1.0, description="Distance at which it is 1/e along x, over that along y."
+    )
+    image_file: ImageName | None = Field(
+        default=None, description="File of the image, in the scene's folder or below."
+    )
+    image_width_mm: Positive = Field(
+        default=200, description="Width of the image, which is repeated."
+    )
+    edge: EdgeSpec | None = Field(
+        default=None,
+        description="Edge of the ground, if the camera is to see one; not with squares.",
+    )
+    fixed_to: Literal["antenna", "world"] = Field(
+        default="antenna",
+        description="Fixed to the antenna's base plate, or to the world, where it turns past "
+        "the camera.",
+    )
 
     @model_validator(mode="after")
     def _check_image(self) -> "BackgroundSpec":

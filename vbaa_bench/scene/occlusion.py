@@ -20,17 +20,33 @@ class OcclusionSpec(PaintedPart):
     paper. The others are bodies between beam and camera.
     """
 
-    kind: Annotated[tuple[Literal["removed", "sheet", "bars", "leaves"], ...], Field(min_length=1)]
+    kind: Annotated[
+        tuple[Literal["removed", "sheet", "bars", "leaves"], ...], Field(min_length=1)
+    ] = Field(
+        description="Bodies between beam and camera, or removed: nothing in the image, but "
+        "the solver ignores the segment."
+    )
     place: Annotated[
         tuple[Literal["base", "contact", "middle", "tip"], ...], Field(min_length=1)
-    ] = ("contact",)
+    ] = Field(
+        default=("contact",),
+        description="Place of the hidden segment: from the clamp, about the contact or the "
+        "middle, or up to the tip.",
+    )
     availability: Annotated[
         tuple[Annotated[float, Field(gt=0, le=1)], ...], Field(min_length=1)
-    ] = (0.6,)
-    height_mm: Positive = 8
-    reflectance: Fraction = 0.12
-    # Number of bars, with gaps between them, or of leaves, at random places.
-    count: Annotated[int, Field(ge=1, le=200)] = 6
+    ] = Field(
+        default=(0.6,),
+        description="The paper's AR (eq. 32): visible fraction of the beam's length.",
+    )
+    height_mm: Positive = Field(
+        default=8, description="Height of the bodies above the beam and the object."
+    )
+    reflectance: Fraction = Field(default=0.12, description="Reflectance of matt and gloss paint.")
+    count: Annotated[int, Field(ge=1, le=200)] = Field(
+        default=6,
+        description="Number of bars, with gaps between them, or of leaves, at random places.",
+    )
 
     @model_validator(mode="after")
     def _check_bodies(self) -> "OcclusionSpec":

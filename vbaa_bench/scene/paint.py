@@ -37,9 +37,17 @@ class GrimeSpec(Part):
     reflectance and do not shine. The gloss varies from its full value down by `uneven_gloss` of it.
     """
 
-    smudge_contrast: Annotated[float, Field(ge=0, le=1)] = 0.12
-    smudge_mm: Positive = 12
-    dust_pct: Annotated[float, Field(ge=0, le=50)] = 2
-    dust_mm: Positive = 0.15
-    dust_reflectance: Fraction = 0.45
-    uneven_gloss: Fraction = 0.5
+    smudge_contrast: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.12, description="Standard deviation of reflectance over its mean."
+    )
+    smudge_mm: Positive = Field(default=12, description="Size of the smudges.")
+    dust_pct: Annotated[float, Field(ge=0, le=50)] = Field(
+        default=2, description="Share of the surface that specks of dust cover."
+    )
+    dust_mm: Positive = Field(default=0.15, description="Size of the specks.")
+    dust_reflectance: Fraction = Field(
+        default=0.45, description="Reflectance of the specks, which do not shine."
+    )
+    uneven_gloss: Fraction = Field(
+        default=0.5, description="Share of the gloss by which it varies, from its full value down."
+    )

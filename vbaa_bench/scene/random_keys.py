@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
+from pydantic import Field
+
 from solver.instrument.errors import truncated
 from vbaa_bench.scene.distributions import (
     ADAPTER,
@@ -67,9 +69,9 @@ _GRID: Final = {
 class RandomKey(Part):
     """A key of a scene that is drawn `per` rig, push or frame."""
 
-    key: str
-    per: Level
-    distribution: Distribution
+    key: str = Field(description="The key, with dots between its parts.")
+    per: Level = Field(description="How often it is drawn.")
+    distribution: Distribution = Field(description="Its distribution.")
 
 
 class DistributionError(Exception):

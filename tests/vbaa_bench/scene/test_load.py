@@ -11,6 +11,7 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.plan import plan
 from vbaa_bench.scene.load import SceneFile, check_scene, load_scene, recorded_scene
 from vbaa_bench.scene.renamed import RENAMED
+from vbaa_bench.scene.schema import Scene
 
 SCENES = Path(__file__).parents[3] / "scenes"
 
@@ -45,6 +46,19 @@ def shipped(request: pytest.FixtureRequest) -> SceneFile:
 def test_a_recorded_scene_is_the_same_scene(shipped: SceneFile) -> None:
     record = json.loads(json.dumps(shipped.scene.model_dump(mode="json")))
     assert recorded_scene(record, shipped.folder).scene == shipped.scene
+
+
+def test_every_key_has_a_description() -> None:
+    schema = Scene.model_json_schema()
+    sections = {**schema["$defs"], "Scene": schema}
+    without = [
+        f"{name}.{key}"
+        for name, section in sections.items()
+        for key, value in section.get("properties", {}).items()
+        if key != "kind" and not value.get("description", "").endswith(".")
+    ]
+    assert len(sections) > 50
+    assert without == []
 
 
 def test_no_shipped_scene_fixes_the_motor_angle_of_first_contact(shipped: SceneFile) -> None:

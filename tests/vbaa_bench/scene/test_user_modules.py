@@ -12,11 +12,7 @@ import pytest
 from solver.instrument.errors import InputError
 from tests.forgotten import forgotten
 from tests.vbaa_bench.residents import KindsOfLight
-from vbaa_bench.scene.families import Family
-from vbaa_bench.scene.lights.light import LIGHTS
 from vbaa_bench.scene.load import SceneFile, check_scene
-from vbaa_bench.scene.objects.object import OBJECTS
-from vbaa_bench.scene.textures.texture import TEXTURES
 from vbaa_bench.scene.user_modules import modules_in_use, use_module
 from vbaa_bench.workers.pool import Pool
 
@@ -138,11 +134,3 @@ def test_worker_processes_get_the_module_with_their_first_job(folder: Path) -> N
         _, unpickled = pickle.loads(data)
         assert unpickled.lights[0].kind == "glow"
         assert [module.name for module in modules_in_use()] == ["glowing"]
-
-
-@pytest.mark.parametrize(
-    "family", [LIGHTS, OBJECTS, TEXTURES], ids=["lights", "objects", "textures"]
-)
-def test_every_key_of_a_kind_has_a_description(family: Family[Any]) -> None:
-    fields = [field for model in family.models.values() for field in model.model_fields.items()]
-    assert [name for name, field in fields if name != "kind" and not field.description] == []
