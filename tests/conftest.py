@@ -38,7 +38,7 @@ _LONGEST: Final = (
     "vbaa_bench/mechanics/test_rod.py",
     "vbaa_bench/scene/test_load.py",
     "agreement/test_touching.py",
-    "vbaa_bench/generation/test_cluster.py",
+    "vbaa_bench/workers/test_cluster.py",
     "vbaa_bench/render/test_unbiased.py",
     "results/test_calibration.py",
     "results/test_limits.py",

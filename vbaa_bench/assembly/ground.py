@@ -19,7 +19,7 @@ from vbaa_bench.geometry.sheets import sheet
 from vbaa_bench.geometry.textures import Texture, gradient_texture, image_texture, random_texture
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.surface import Surface
-from vbaa_bench.scene.clutter import EdgeSpec
+from vbaa_bench.scene.background import EdgeSpec
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene

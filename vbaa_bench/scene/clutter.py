@@ -1,4 +1,4 @@
-"""Things that lie about on the ground, and the edge of the table."""
+"""Things that lie about on the ground."""
 
 from typing import Annotated, Final, Literal
 
@@ -52,21 +52,3 @@ class ClutterSpec(Part):
     def highest_mm(self, ground_mm: float) -> float:
         """Return the height of the highest top above plane C, given that of the ground."""
         return ground_mm / 2 if self.top_mm is None else self.top_mm
-
-
-class EdgeSpec(Part):
-    """The ground's straight edge, `distance_mm` from the beam's middle towards `azimuth_deg`.
-
-    Behind it is a floor, `drop_mm` lower. Azimuth is measured from +x to +y, in plane C.
-    """
-
-    distance_mm: Positive = Field(
-        default=60, description="Distance of the edge from the beam's middle."
-    )
-    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
-        default=90, description="Direction in which the edge lies, from +x to +y in plane C."
-    )
-    drop_mm: Positive = Field(default=300, description="Height of the ground above the floor.")
-    thickness_mm: Positive = Field(default=25, description="Thickness of the ground.")
-    side_reflectance: Fraction = Field(default=0.2, description="Reflectance of the ground's side.")
-    floor_reflectance: Fraction = Field(default=0.12, description="Reflectance of the floor.")

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
+from vbaa_bench.scene.background import BackgroundSpec
 from vbaa_bench.scene.beam import BeamSpec, ToleranceSpec
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.clutter import ClutterSpec
@@ -19,8 +20,8 @@ from vbaa_bench.scene.laboratory import (
     HubSpec,
     MomentSensorSpec,
 )
-from vbaa_bench.scene.lighting import BackgroundSpec, FlickerSpec
 from vbaa_bench.scene.lights.ambient import AmbientSpec
+from vbaa_bench.scene.lights.flicker import FlickerSpec
 from vbaa_bench.scene.lights.light import AnyLight, LightSetting
 from vbaa_bench.scene.lights.soft import LightSpec
 from vbaa_bench.scene.objects.block import BlockSpec

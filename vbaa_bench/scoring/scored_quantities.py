@@ -59,8 +59,8 @@ class ScoredQuantity:
 
 # Half the widths of the stated intervals whose coverage is reported, in stated standard deviations.
 COVERAGE: Final = {"coverage_68": 1.0, "coverage_95": 1.96}
-# An error within so many stated standard deviations is consistent with them. Chosen: one right
-# Gaussian error in 370 is beyond.
+# Largest error, in stated standard deviations, that is consistent with them. Chosen: it is exceeded
+# by one Gaussian error in 370.
 CONSISTENT_SIGMAS: Final = 3.0
 
 COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", TRUE_COMPLIANCE)

@@ -5,7 +5,7 @@ import numpy as np
 from solver.instrument.errors import InputError
 from solver.instrument.units import MICRO, PERCENT
 from vbaa_bench.scene.image_sensor import SensorSpec
-from vbaa_bench.scene.lighting import FlickerSpec
+from vbaa_bench.scene.lights.flicker import FlickerSpec
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.sensor.mosaic import Mosaic

@@ -1,27 +1,29 @@
-"""Flicker of the lamps, and the background under the beam."""
+"""The background under the beam, and its edge."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from vbaa_bench.scene.clutter import EdgeSpec
 from vbaa_bench.scene.files import ImageName
 from vbaa_bench.scene.part import Coordinate, Fraction, Part, Positive, Turn
 
 
-class FlickerSpec(Part):
-    """Power of all lamps on alternating current: 1 + depth cos(2 pi 2 mains_hz t + phase).
+class EdgeSpec(Part):
+    """The ground's straight edge, `distance_mm` from the beam's middle towards `azimuth_deg`.
 
-    The phase is drawn for every image, also for those of the board and of the beam at rest. An
-    image integrates the power over its exposure; a rolling shutter shows it as bands.
+    Behind it is a floor, `drop_mm` lower. Azimuth is measured from +x to +y, in plane C.
     """
 
-    mains_hz: Annotated[float, Field(ge=1, le=1e5)] = Field(
-        default=50.0, description="Frequency of the alternating current, half that of the light."
+    distance_mm: Positive = Field(
+        default=60, description="Distance of the edge from the beam's middle."
     )
-    depth_pct: Annotated[float, Field(ge=0, le=100)] = Field(
-        description="Largest change of the light over its mean."
+    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        default=90, description="Direction in which the edge lies, from +x to +y in plane C."
     )
+    drop_mm: Positive = Field(default=300, description="Height of the ground above the floor.")
+    thickness_mm: Positive = Field(default=25, description="Thickness of the ground.")
+    side_reflectance: Fraction = Field(default=0.2, description="Reflectance of the ground's side.")
+    floor_reflectance: Fraction = Field(default=0.12, description="Reflectance of the floor.")
 
 
 class BackgroundSpec(Part):
