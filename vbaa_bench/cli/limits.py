@@ -67,8 +67,8 @@ def limits(
         from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.api.data import usable_variant, worker_count
         from vbaa_bench.limits import designs, maps, places, requirements, summaries
-        from vbaa_bench.report.limits_page import limits_page
-        from vbaa_bench.report.limits_summary import answers, summary_table
+        from vbaa_bench.limits.page import limits_page
+        from vbaa_bench.limits.summary_table import answers, summary_table
         from vbaa_bench.scene.load import load_scene
         from vbaa_bench.scoring.information_sets import SETS, check_information
 

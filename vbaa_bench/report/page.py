@@ -61,7 +61,7 @@ def page(contents: Contents) -> Page:
     classes = {name: f"m{number}" for number, name in enumerate(methods)}
     chosen = reported_strata(scores, partial(short, digits=3))
     shown = views(scores, methods, chosen, bins, styles, classes)
-    html = template("page.html.jinja").render(
+    html = template("report/page.html.jinja").render(
         contents=contents,
         views=shown,
         menu=[(h, list(g)) for h, g in groupby(shown, key=lambda view: view.heading)],

@@ -10,9 +10,9 @@ from vbaa_bench.report.drawing import key
 
 @functools.cache
 def template(name: str) -> jinja2.Template:
-    """Load a template of this folder; it is compiled once."""
+    """Load a template of the package, as ROOM/FILE; it is compiled once."""
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("vbaa_bench.report", "."),
+        loader=jinja2.PackageLoader("vbaa_bench", "."),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -8,10 +8,10 @@ import pytest
 
 from tests.vbaa_bench.limits.synthetic import DESIGNS, table
 from tests.vbaa_bench.report.test_browser import BROWSER, browse
+from vbaa_bench.limits.page import class_ends, limits_page
 from vbaa_bench.limits.requirements import requirements
 from vbaa_bench.limits.summaries import Summary, summaries
-from vbaa_bench.report.limits_page import class_ends, limits_page
-from vbaa_bench.report.limits_summary import answers, summary_table
+from vbaa_bench.limits.summary_table import answers, summary_table
 
 REQUIRED = requirements(["x_c_pct_L=0.2,force_mn=0.3"], "image")
 

@@ -10,7 +10,7 @@ import polars as pl
 
 from vbaa_bench.limits.requirements import Accuracy, Requirement
 from vbaa_bench.limits.summaries import Summary, fulfils
-from vbaa_bench.report.limits_summary import answers, mapped, summary_table
+from vbaa_bench.limits.summary_table import answers, mapped, summary_table
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.template import template
 
@@ -66,7 +66,7 @@ def limits_page(
         for summary in summaries
         for part in [table.filter(design=summary.design)]
     ]
-    return template("limits.html.jinja").render(
+    return template("limits/page.html.jinja").render(
         title=title,
         facts=facts,
         answers=answers(summaries, requirements),
