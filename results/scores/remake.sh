@@ -21,3 +21,4 @@ done
 cd "$RUNS"
 vbaa-bench table */ --format csv > "$OUT/scores.csv"
 vbaa-bench table */ --brief > "$OUT/scores.md"
+vbaa-bench table fig11_stiffness --by k_s_over_k_beam --format csv > "$OUT/fig11_by_stiffness.csv"
