@@ -25,13 +25,13 @@ def clamp_surfaces(scene: Scene, ground: float) -> Iterator[tuple[str, Surface]]
     assert spec is not None
     length, width, height = (side * mm for side in spec.jaw_mm)
     jaw = clamp.jaw(length, width, height, scene.beam.diameter_mm * mm)
-    yield "jaw", Surface(jaw, spec.reflectance, spec.paint, roughness=spec.roughness)
+    yield "jaw", Surface.of(jaw, spec)
     screw = clamp.screw(spec.screw_radius_mm * mm, np.array([-length / 2, 0.0, height / 2]))
     yield "screw", Surface(screw, spec.reflectance, spec.screw_paint, roughness=spec.roughness)
     radius = spec.flange_radius_mm * mm
     flange = clamp.flange(radius, spec.flange_thickness_mm * mm, -height / 2)
     flange.apply_translation(-np.array([*scene.clamp_offset_mm[:2], 0.0]) * mm)
-    yield "flange", Surface(flange, spec.reflectance, spec.paint, roughness=spec.roughness)
+    yield "flange", Surface.of(flange, spec)
     start = np.array([-length, 0.0, -height / 4])
     away = _CABLE_LENGTH * scene.beam.length_mm * mm
     cable = clamp.cable(start, _CABLE_REACH * radius, away, spec.cable_radius_mm * mm, ground)

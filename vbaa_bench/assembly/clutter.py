@@ -10,7 +10,7 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.assembly.ground_view import view_of_ground
+from vbaa_bench.assembly.ground import motor_axis, view_of_ground
 from vbaa_bench.assembly.mesh_file import SceneMeshes
 from vbaa_bench.geometry.clutter import Room, Sector, places, thing
 from vbaa_bench.geometry.solids import together
@@ -38,7 +38,7 @@ def clutter_surfaces(
 
     `look` numbers the random draws.
     """
-    spec, ground = scene.clutter, -scene.background.distance_mm * MILLIMETRE
+    spec, ground = scene.clutter, scene.background.height
     assert spec is not None
     random = random_generator(scene, "clutter", look)
     low, high = np.log(np.array(spec.size_mm) * MILLIMETRE)
@@ -74,7 +74,7 @@ def _room(scene: Scene, spec: ClutterSpec, rig: TrueRig, folder: Path) -> Room:
     """Find the part of the ground in view that the object and the beam leave free."""
     mm, length = MILLIMETRE, rig.beam.length
     low, high = view_of_ground(scene, rig.camera)
-    axis = -np.array(scene.clamp_offset_mm[:2]) * mm
+    axis = motor_axis(scene)
     angles = _swept_angles(scene)
     # The object is on one side of the beam, as deep as it is.
     depth, half_width = _object_extent(scene, rig, folder)
@@ -125,7 +125,6 @@ def _object_extent(scene: Scene, rig: TrueRig, folder: Path) -> tuple[float, flo
     """Return how far [m] the object extends away from the beam, and to both sides along it."""
     if not scene.object.present:
         return 0.0, 0.0
-    ground = -scene.background.distance_mm * MILLIMETRE
-    setting = ObjectSetting(rig.beam.radius, ground, SceneMeshes(folder))
+    setting = ObjectSetting(rig.beam.radius, scene.background.height, SceneMeshes(folder))
     vertices = np.asarray(scene.object.mesh(setting).vertices)
     return -float(vertices[:, 1].min()), float(np.abs(vertices[:, 0]).max())

@@ -79,7 +79,7 @@ class Experiment:
     @property
     def ground(self) -> float:
         """Height [m] of the background."""
-        return -self.scene.background.distance_mm * MILLIMETRE
+        return self.scene.background.height
 
     @cached_property
     def rest(self) -> State:

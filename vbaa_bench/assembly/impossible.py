@@ -10,7 +10,7 @@ from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.ground_view import MAX_SQUARES, RESOLVED_PX, finest_square
+from vbaa_bench.assembly.ground import ground_setting
 from vbaa_bench.assembly.mesh_file import check_mesh
 from vbaa_bench.dataset.scene_files import read_file
 from vbaa_bench.geometry.sheets import between
@@ -183,17 +183,11 @@ def too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
 
 
 def too_fine(file: SceneFile, rig: TrueRig) -> list[str]:
-    """List a ground whose squares the camera does not resolve."""
-    ground = file.scene.background
-    finest = finest_square(file.scene, rig.camera) / MILLIMETRE
-    if ground.pattern != "squares" or ground.square_mm >= finest:
+    """List a ground whose pattern the camera does not resolve."""
+    mistake = file.scene.background.kind.mistake(ground_setting(file.scene, rig))
+    if mistake is None:
         return []
-    message = (
-        f"is {ground.square_mm:g}, allowed is >= {finest:.3g}: smaller squares are below "
-        f"{RESOLVED_PX:g} px, or more than {MAX_SQUARES} along a side of the ground in view; "
-        "pattern plain looks the same"
-    )
-    return [file.message_at(("background", "square_mm"), message)]
+    return [file.message_at(("background", mistake.key), mistake.sentence)]
 
 
 def board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:

@@ -17,7 +17,7 @@ from vbaa_bench.assembly.board_tilt import board_tilt
 from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.ground import GROUND, Ground
+from vbaa_bench.assembly.ground import Ground
 from vbaa_bench.assembly.occluder import occluder
 from vbaa_bench.assembly.part_textures import beam_texture, object_texture
 from vbaa_bench.assembly.pose import Pose
@@ -32,6 +32,7 @@ from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.background import GROUND
 from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.random_streams import random_generator
@@ -114,7 +115,7 @@ class SceneAssembler:
         scene, spec = self.scene, self.scene.beam
         frame_from_clamp = self._frame_from_clamp(experiment, motor_angle)
         mesh, s = self._beam_mesher.mesh(state)
-        beam = _painted(_placed(mesh, frame_from_clamp), spec)
+        beam = Surface.of(_placed(mesh, frame_from_clamp), spec)
         beam = replace(
             beam,
             arc_length=s,
@@ -137,8 +138,8 @@ class SceneAssembler:
         if offset.any():
             shaft.apply_translation(-offset)
             arm = adaptor(offset, hub_spec.radius_mm * mm / 2)
-            yield "adaptor", _painted(_placed(arm, frame_from_clamp), hub_spec)
-        yield "hub", _painted(_placed(shaft, frame_from_clamp), hub_spec)
+            yield "adaptor", Surface.of(_placed(arm, frame_from_clamp), hub_spec)
+        yield "hub", Surface.of(_placed(shaft, frame_from_clamp), hub_spec)
         yield from self._background(experiment, motor_angle)
 
     def object_surfaces(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
@@ -151,7 +152,7 @@ class SceneAssembler:
             if self._object_texture is not None:
                 object_mesh = unshared(object_mesh)
             assert isinstance(scene.object, PaintedPart)
-            surface = _painted(_placed(object_mesh, frame_from_clamp), scene.object)
+            surface = Surface.of(_placed(object_mesh, frame_from_clamp), scene.object)
             yield "object", replace(surface, texture=self._object_texture)
         second_peg = scene.second_peg
         if second_peg is not None:
@@ -159,7 +160,7 @@ class SceneAssembler:
             peg = second_peg.peg.mesh(experiment.object_setting._replace(ground=experiment.ground))
             yield (
                 "second_peg",
-                _painted(_placed(peg, frame_from_clamp @ clamp_from_peg), second_peg),
+                Surface.of(_placed(peg, frame_from_clamp @ clamp_from_peg), second_peg),
             )
         occlusion = scene.occlusion
         if occlusion is not None and occlusion.body is not None:
@@ -176,7 +177,7 @@ class SceneAssembler:
             )
             if stretch is None:  # shrunk to a point at the hub's foot, hides and shades nothing
                 mesh.vertices[:] = (0.0, 0.0, experiment.ground)
-            yield "occluder", _painted(_placed(mesh, frame_from_clamp), occlusion)
+            yield "occluder", Surface.of(_placed(mesh, frame_from_clamp), occlusion)
 
     def _frame_from_clamp(self, experiment: Experiment, motor_angle: float) -> Floats:
         """Compute the transform (4, 4) from the clamp's frame to that of the fixed camera."""
@@ -188,15 +189,14 @@ class SceneAssembler:
         self, experiment: Experiment, motor_angle: float
     ) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces of the ground at a motor angle [rad], and what lies on it."""
-        spec, mount = self.scene.background, self.scene.camera.mount
         frame_from_ground = np.eye(4)
-        if spec.fixed_to != mount:
+        if self.scene.ground_turns:
             frame_from_ground = (
                 experiment.clamp_from_world(motor_angle)
-                if mount == "antenna"
+                if self.scene.camera.mount == "antenna"
                 else self._frame_from_clamp(experiment, motor_angle)
             )
-        endless = self._ground.is_endless
+        endless = self.scene.background.is_endless
         for name, surface in self._ground.surfaces():
             mesh = _placed(surface.mesh, np.eye(4) if endless else frame_from_ground)
             yield name, replace(surface, mesh=mesh)
@@ -274,18 +274,16 @@ class SceneAssembler:
     def _still(self) -> set[str]:
         """Names of surfaces that do not move against the camera; a plain ground always counts."""
         still = {"hub", "adaptor", *CLAMP} if self.scene.camera.mount == "antenna" else set()
-        background = self.scene.background
-        fixed = background.fixed_to == self.scene.camera.mount
-        if fixed or self._ground.is_endless:
+        if not self.scene.ground_turns:
+            still |= {*GROUND, *CLUTTER, WIRES}
+        elif self.scene.background.is_endless:
             still |= GROUND
-        if fixed:
-            still |= {*CLUTTER, WIRES}
         return still
 
     @property
     def _slides(self) -> set[str]:
-        """Names of the surfaces of a chequered ground that turns under the camera."""
-        return GROUND - self._still if self.scene.background.pattern == "squares" else set()
+        """Names of the surfaces of a patterned ground that slide as it turns under the camera."""
+        return GROUND - self._still if self.scene.background.kind.slides else set()
 
     @property
     def unit(self) -> RenderUnit:
@@ -298,8 +296,3 @@ def _placed(mesh: trimesh.Trimesh, transform: Floats) -> trimesh.Trimesh:
     """Transform a mesh in place; its vertices keep their order."""
     mesh.vertices = apply(transform, np.asarray(mesh.vertices))
     return mesh
-
-
-def _painted(mesh: trimesh.Trimesh, spec: PaintedPart) -> Surface:
-    """Combine a mesh with the paint of its section of the scene."""
-    return Surface(mesh, spec.reflectance, spec.paint, roughness=spec.roughness)

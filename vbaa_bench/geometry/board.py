@@ -1,14 +1,14 @@
-"""Meshes printed in cells edge to edge: the calibration targets, and a chequered ground."""
+"""Calibration targets as cells that are printed black or white, and their meshes."""
 
-import math
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board, Charuco, LineNetwork
+from vbaa_bench.geometry.mesh import Mesh
+from vbaa_bench.geometry.sheets import even_edges, printed
 
 # Bits along a side of a chequered square, and along a side of the marker at its centre.
 _BITS, _MARKER = 10, 6
@@ -34,29 +34,13 @@ def cells(target: Board) -> Cells:
         return _lines(target)
     if isinstance(target, Charuco):
         return _charuco(target)
-    x, y = _edges(target.columns + 3, target.square), _edges(target.rows + 3, target.square)
+    x, y = even_edges(target.columns + 3, target.square), even_edges(target.rows + 3, target.square)
     return Cells(x, y, np.pad(_chequered(target), 1))
 
 
-def board(target: Board) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+def board(target: Board) -> tuple[Mesh, Mesh]:
     """Mesh the (white, black) cells of a target in its own frame, facing +z, edge to edge."""
-    x, y, black = cells(target)
-    vertices = _grid(x, y)
-    return _meshed(vertices, ~black), _meshed(vertices, black)
-
-
-def squares(side: float, square: float) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """Mesh the (light, dark) cells [m] of a chequered sheet about the origin, facing +z.
-
-    The cells are edge to edge. The sheet is no smaller than `side`; four squares meet at the
-    origin.
-    """
-    count = 2 * max(math.ceil(side / (2 * square)), 1)
-    row, column = np.mgrid[0:count, 0:count]
-    dark = (row + column) % 2 == 0
-    edges = _edges(count, square)
-    vertices = _grid(edges, edges)
-    return _meshed(vertices, ~dark), _meshed(vertices, dark)
+    return printed(*cells(target))
 
 
 def _chequered(target: Board) -> np.ndarray:
@@ -76,7 +60,7 @@ def _charuco(target: Charuco) -> Cells:
         bits = cv2.aruco.generateImageMarker(dictionary, number, _MARKER)
         black[row : row + _MARKER, column : column + _MARKER] = bits == 0
     bit = target.square / _BITS
-    x, y = _edges((target.columns + 3) * _BITS, bit), _edges((target.rows + 3) * _BITS, bit)
+    x, y = even_edges((target.columns + 3) * _BITS, bit), even_edges((target.rows + 3) * _BITS, bit)
     return Cells(x, y, np.pad(black, _BITS))
 
 
@@ -100,22 +84,3 @@ def _strokes(target: LineNetwork, count: int, thick: int) -> tuple[Floats, np.nd
     cells = np.arange(len(edges) - 1)
     inside = (cells > 0) & (cells < cells[-1])
     return edges, inside & (cells % 2 == 0), inside
-
-
-def _edges(count: int, size: float) -> Floats:
-    return np.asarray((np.arange(count + 1) - count / 2) * size)
-
-
-def _grid(x: Floats, y: Floats) -> Floats:
-    """Return the corners of all cells, row by row from the top, between increasing edges."""
-    right, up = np.meshgrid(x, y[::-1])
-    return np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
-
-
-def _meshed(vertices: Floats, mask: np.ndarray) -> trimesh.Trimesh:
-    row, column = np.nonzero(mask)
-    stride = mask.shape[1] + 1
-    a = row * stride + column
-    b, c, d = a + 1, a + stride + 1, a + stride
-    faces = np.vstack([np.column_stack([a, c, b]), np.column_stack([a, d, c])])
-    return trimesh.Trimesh(vertices, faces, process=False)

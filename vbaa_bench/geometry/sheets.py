@@ -1,8 +1,11 @@
 """Flat sheets, and the irradiance from luminous ones. All lengths are in [m]."""
 
+import math
+
 import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
+from solver.instrument.transforms import turn_about_z
 from vbaa_bench.geometry.mesh import Mesh, mesh_of
 
 # Segments of a ring; its inner and outer polygons keep the area of the true circles.
@@ -29,6 +32,63 @@ def sheet(middle: Floats, side: float, facing: int) -> Mesh:
     corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     return mesh_of(corners + middle, faces[:, ::facing])
+
+
+def edged_sheet(middle: Floats, side: float, azimuth: float, distance: float) -> Mesh:
+    """Mesh a square sheet across z about `middle` (3,) that ends at a straight edge, facing +z.
+
+    The edge is across the direction `azimuth` [rad], `distance` from the middle.
+    """
+    x = np.array([-side / 2, distance])
+    corners = np.array([[x[0], -side / 2], [x[1], -side / 2], [x[1], side / 2], [x[0], side / 2]])
+    points = np.column_stack([corners, np.zeros(4)])
+    return mesh_of(middle + points @ turn_about_z(azimuth)[:3, :3].T, [[0, 1, 2], [0, 2, 3]])
+
+
+def edge_side(
+    middle: Floats, side: float, azimuth: float, distance: float, thickness: float
+) -> Mesh:
+    """Mesh the upright side of the edge of such a sheet, `thickness` high."""
+    y = np.array([-side / 2, side / 2, side / 2, -side / 2])
+    z = np.array([-thickness, -thickness, 0.0, 0.0])
+    points = np.column_stack([np.full(4, distance), y, z])
+    return mesh_of(middle + points @ turn_about_z(azimuth)[:3, :3].T, [[0, 1, 2], [0, 2, 3]])
+
+
+def squares(side: float, square: float) -> tuple[Mesh, Mesh]:
+    """Mesh the (light, dark) squares of a chequered sheet about the origin, facing +z.
+
+    The sheet is no smaller than `side`; four squares meet at the origin.
+    """
+    count = 2 * max(math.ceil(side / (2 * square)), 1)
+    row, column = np.mgrid[0:count, 0:count]
+    edges = even_edges(count, square)
+    return printed(edges, edges, (row + column) % 2 == 0)
+
+
+def printed(x: Floats, y: Floats, dark: Mask) -> tuple[Mesh, Mesh]:
+    """Mesh the (light, dark) cells of a printed sheet in z = 0, edge to edge, facing +z.
+
+    The cells are between increasing edges in x and y; `dark` (rows, columns) counts rows from the
+    top, the largest y.
+    """
+    right, up = np.meshgrid(x, y[::-1])
+    corners = np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
+    return _cells(corners, ~dark), _cells(corners, dark)
+
+
+def even_edges(count: int, size: float) -> Floats:
+    """Return the edges (count + 1,) of cells of one size, about 0."""
+    return np.asarray((np.arange(count + 1) - count / 2) * size)
+
+
+def _cells(corners: Floats, chosen: Mask) -> Mesh:
+    """Mesh the chosen cells (rows, columns) between corners (n, 3), row by row from the top."""
+    row, column = np.nonzero(chosen)
+    stride = chosen.shape[1] + 1
+    a = row * stride + column
+    b, c, d = a + 1, a + stride + 1, a + stride
+    return mesh_of(corners, np.vstack([np.column_stack([a, c, b]), np.column_stack([a, d, c])]))
 
 
 def rectangle(

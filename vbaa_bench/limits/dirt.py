@@ -16,7 +16,6 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.part_textures import beam_texture
 from vbaa_bench.limits.profile import STEP, SurfaceProfile, gray_profile, inside_profile, unit_cells
-from vbaa_bench.render.materials import BLACK
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
@@ -59,7 +58,7 @@ def dirt_of(scene: Scene, rig: TrueRig, offsets: int) -> Dirt | None:
         return None
     place = (np.arange(offsets) + 0.5) / offsets * 2 - 1
     around = np.arccos(-place) / np.pi
-    clean = BLACK if scene.beam.paint == "black" else scene.beam.reflectance
+    clean = scene.beam.mean_reflectance
     grime = scene.beam.grime.model_copy(update={"dust_pct": 0.0})
     scene = scene.model_copy(update={"beam": scene.beam.model_copy(update={"grime": grime})})
     images, shines = [], []

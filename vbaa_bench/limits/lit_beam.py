@@ -83,7 +83,7 @@ class LitBeam:
         diffuse = lit
         if self.dirt is not None:
             specular = np.zeros_like(lit)
-            if paint.paint in ("gloss", "bare"):
+            if paint.finish.shines:
                 shine = paint.model_copy(update={"reflectance": 0.0})
                 specular = self._reflection.radiance(shine, points, normals, to_camera)
             diffuse = self.dirt.mean_diffuse * (lit - specular)
@@ -102,9 +102,8 @@ class LitBeam:
         """Compute the radiance (n,) of what the camera sees behind points (n, 3)."""
         spec = self.scene.background
         back = -_to_camera(camera, points)
-        height = -spec.distance_mm * MILLIMETRE
-        ground = points + back * ((height - points[:, 2:]) / back[:, 2:])
-        sheet = PaintedPart(reflectance=self._ground_reflectance)
+        ground = points + back * ((spec.height - points[:, 2:]) / back[:, 2:])
+        sheet = PaintedPart(reflectance=spec.kind.mean_reflectance)
         up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
         radiance = self._reflection.radiance(sheet, ground, up, -back)
         sheets = (light.sheet for light in self._lights)
@@ -130,16 +129,6 @@ class LitBeam:
         pixels = np.column_stack([u.ravel(), v.ravel()])
         grid = self.background(camera, _on_plane(camera, pixels)) * self._light_of(camera, pixels)
         return max(beam, float(np.quantile(grid, _IMAGE_PEAK)))
-
-    @property
-    def _ground_reflectance(self) -> float:
-        """Mean reflectance of the ground."""
-        spec = self.scene.background
-        if spec.pattern == "squares":
-            return (spec.reflectance + spec.square_reflectance) / 2
-        if spec.pattern == "graded":
-            return (spec.reflectance + spec.far_reflectance) / 2
-        return spec.reflectance
 
     def _light_of(self, camera: Camera, pixels: Floats) -> Floats:
         """Compute the fraction of the light that the lens transmits to pixels (n, 2)."""

@@ -14,7 +14,7 @@ from vbaa_bench.geometry.tube import normals
 from vbaa_bench.render.device_array import device_array
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
-from vbaa_bench.scene.paint import Paint
+from vbaa_bench.scene.paint import Paint, PaintedPart
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,11 @@ class Surface:
     texture: Texture | None = None
     around: Floats | None = None
     oblique_tip: bool = False
+
+    @classmethod
+    def of(cls, mesh: trimesh.Trimesh, part: PaintedPart) -> "Surface":
+        """Combine a mesh with the paint of a part."""
+        return cls(mesh, part.reflectance, part.paint, roughness=part.roughness)
 
     @property
     def texcoords(self) -> Floats | None:

@@ -1,11 +1,67 @@
-"""The background under the beam, and its edge."""
+"""The background under the beam: its keys, and what each of its patterns decides.
 
-from typing import Annotated, Literal
+A pattern is a name in `BackgroundSpec.pattern`, its keys there, and a kind of ground in `GROUNDS`.
+"""
 
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
+
+import numpy as np
 from pydantic import Field, model_validator
 
-from vbaa_bench.scene.files import ImageName
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.geometry.mesh import Mesh
+from vbaa_bench.geometry.sheets import edge_side, edged_sheet, sheet, squares
+from vbaa_bench.geometry.textures import Texture, gradient_texture, image_texture, random_texture
+from vbaa_bench.scene.files import ImageFiles, ImageName
 from vbaa_bench.scene.part import Coordinate, Fraction, Part, Positive, Turn
+
+# Side of a sheet so large that the camera never sees its border, over the beam's length.
+_SIDE: Final = 20
+# Both tones of squares are distinct if a square has at least two pixels.
+RESOLVED_PX: Final = 2.0
+# Most squares along a side: each takes about 1 kB in the renderer, so that all take 1 GB at most.
+MAX_SQUARES: Final = 1000
+
+
+class GroundSetting(NamedTuple):
+    """What the shape of a ground refers to: the beam, and the camera's view. Lengths are [m].
+
+    A square of side `view` about the place below the beam's middle fills the image at every motor
+    angle. At that place, a pixel is `pixel` large.
+    """
+
+    beam_length: float
+    view: float
+    pixel: float
+
+    def middle(self, height: float) -> Floats:
+        """Return the place (3,) below the beam's middle, at a height."""
+        return np.array([self.beam_length / 2, 0.0, height])
+
+    @property
+    def endless(self) -> float:
+        """Side of a sheet whose border the camera never sees."""
+        return _SIDE * self.beam_length
+
+
+class Sheet(NamedTuple):
+    """One surface of a ground: its name, its mesh [m] in the ground's frame, its reflectance."""
+
+    name: str
+    mesh: Mesh
+    reflectance: float
+
+
+class Mistake(NamedTuple):
+    """What is wrong with a key of the background."""
+
+    key: str
+    sentence: str
 
 
 class EdgeSpec(Part):
@@ -24,6 +80,20 @@ class EdgeSpec(Part):
     thickness_mm: Positive = Field(default=25, description="Thickness of the ground.")
     side_reflectance: Fraction = Field(default=0.2, description="Reflectance of the ground's side.")
     floor_reflectance: Fraction = Field(default=0.12, description="Reflectance of the floor.")
+
+    def top(self, middle: Floats, side: float) -> Mesh:
+        """Mesh a sheet of the given side [m] about `middle` (3,) [m], up to the edge."""
+        azimuth, distance = self.azimuth_deg * DEGREE, self.distance_mm * MILLIMETRE
+        return edged_sheet(middle, side, azimuth, distance)
+
+    def below(self, middle: Floats, side: float) -> Iterator[Sheet]:
+        """Yield the side of such a sheet, and the floor."""
+        azimuth, distance = self.azimuth_deg * DEGREE, self.distance_mm * MILLIMETRE
+        thickness = min(self.thickness_mm, self.drop_mm) * MILLIMETRE
+        upright = edge_side(middle, side, azimuth, distance, thickness)
+        yield Sheet("table_side", upright, self.side_reflectance)
+        floor = middle - [0.0, 0.0, self.drop_mm * MILLIMETRE]
+        yield Sheet("floor", sheet(floor, side, 1), self.floor_reflectance)
 
 
 class BackgroundSpec(Part):
@@ -97,6 +167,165 @@ class BackgroundSpec(Part):
 
     @model_validator(mode="after")
     def _check_edge(self) -> "BackgroundSpec":
-        if self.edge is not None and self.pattern == "squares":
-            raise ValueError("edge is given and pattern is squares, allowed is any other pattern")
+        if self.edge is not None and not self.kind.may_have_edge:
+            raise ValueError(
+                f"edge is given and pattern is {self.pattern}, allowed is any other pattern"
+            )
         return self
+
+    @property
+    def kind(self) -> "GroundKind":
+        """What the pattern decides."""
+        return GROUNDS[self.pattern](self)
+
+    @property
+    def height(self) -> float:
+        """Height [m] above plane C; it is negative."""
+        return -self.distance_mm * MILLIMETRE
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether it looks the same at every motor angle."""
+        return self.kind.is_even and self.edge is None
+
+    def below_edge(self, setting: GroundSetting) -> Iterator[Sheet]:
+        """Yield what is beyond the edge, made anew; nothing without an edge."""
+        if self.edge is not None:
+            yield from self.edge.below(setting.middle(self.height), setting.endless)
+
+
+@dataclass(frozen=True)
+class GroundKind:
+    """A kind of ground: an even sheet, and the base of those with a pattern."""
+
+    spec: BackgroundSpec
+
+    # Whether all of it looks the same.
+    is_even: ClassVar[bool] = False
+    # Whether it may end at an edge.
+    may_have_edge: ClassVar[bool] = True
+    # Whether a pattern of several surfaces in one plane slides in it where the ground turns.
+    slides: ClassVar[bool] = False
+
+    @property
+    def mean_reflectance(self) -> float:
+        """Mean reflectance."""
+        return self.spec.reflectance
+
+    def mistake(self, _setting: GroundSetting) -> Mistake | None:
+        """Describe what is impossible in this setting; None if nothing is."""
+        return None
+
+    def top(self, setting: GroundSetting) -> Iterator[Sheet]:
+        """Yield the surfaces of the ground itself, made anew."""
+        mesh = self._sheet(setting.middle(self.spec.height), setting)
+        yield Sheet("background", mesh, self.spec.reflectance)
+
+    def texture(
+        self, _setting: GroundSetting, _files: ImageFiles, _random: np.random.Generator
+    ) -> Texture | None:
+        """Create the texture of its only surface; None without one. Raises SceneFileError."""
+        return None
+
+    def _sheet(self, middle: Floats, setting: GroundSetting) -> Mesh:
+        """Mesh a sheet about `middle` (3,) [m], up to the edge if there is one."""
+        edge, side = self.spec.edge, setting.endless
+        return sheet(middle, side, 1) if edge is None else edge.top(middle, side)
+
+    def _places(self, setting: GroundSetting) -> Floats:
+        """Return the corners (n, 2) [m] of the sheet, about the place below the beam's middle."""
+        return np.asarray(self._sheet(np.zeros(3), setting).vertices)[:, :2]
+
+
+class _Plain(GroundKind):
+    is_even = True
+
+
+class Squares(GroundKind):
+    """Squares of two reflectances."""
+
+    may_have_edge = False
+    slides = True
+
+    @property
+    def mean_reflectance(self) -> float:
+        """Mean of both."""
+        return (self.spec.reflectance + self.spec.square_reflectance) / 2
+
+    def finest(self, setting: GroundSetting) -> float:
+        """Compute the smallest square [m] that the camera resolves and the renderer can hold."""
+        return max(RESOLVED_PX * setting.pixel, setting.view / MAX_SQUARES)
+
+    def mistake(self, setting: GroundSetting) -> Mistake | None:
+        """Describe squares that are too small."""
+        finest, stated = self.finest(setting) / MILLIMETRE, self.spec.square_mm
+        if stated >= finest:
+            return None
+        return Mistake(
+            "square_mm",
+            f"is {stated:g}, allowed is >= {finest:.3g}: smaller squares are below "
+            f"{RESOLVED_PX:g} px, or more than {MAX_SQUARES} along a side of the ground in view; "
+            "pattern plain looks the same",
+        )
+
+    def top(self, setting: GroundSetting) -> Iterator[Sheet]:
+        """Yield the bright and the dark squares, edge to edge, as many as are in view."""
+        spec, turn = self.spec, self.spec.square_turn_deg * DEGREE
+        to_ground = turn_about_z(turn)
+        axes = to_ground[:2, :2]
+        # The pattern repeats after two squares along its own axes.
+        offset = axes @ np.fmod(axes.T @ spec.square_offset_mm, 2 * spec.square_mm) * MILLIMETRE
+        to_ground[:3, 3] = setting.middle(spec.height) + np.append(offset, 0.0)
+        side = setting.view + 2 * float(np.abs(offset).max())
+        turned_side = side * (abs(math.cos(turn)) + abs(math.sin(turn)))
+        light, dark = squares(turned_side, spec.square_mm * MILLIMETRE)
+        for name, mesh, reflectance in (
+            ("background", light, spec.reflectance),
+            ("background_squares", dark, spec.square_reflectance),
+        ):
+            mesh.apply_transform(to_ground)
+            yield Sheet(name, mesh, reflectance)
+
+
+class _Graded(GroundKind):
+    @property
+    def mean_reflectance(self) -> float:
+        return (self.spec.reflectance + self.spec.far_reflectance) / 2
+
+    def texture(
+        self, setting: GroundSetting, _files: ImageFiles, _random: np.random.Generator
+    ) -> Texture:
+        spec, places = self.spec, self._places(setting)
+        azimuth, length = spec.gradient_deg * DEGREE, spec.gradient_mm * MILLIMETRE
+        return gradient_texture(places, spec.reflectance, spec.far_reflectance, azimuth, length)
+
+
+class _Textured(GroundKind):
+    def texture(
+        self, setting: GroundSetting, _files: ImageFiles, random: np.random.Generator
+    ) -> Texture:
+        spec, places = self.spec, self._places(setting)
+        grain = spec.correlation_mm * MILLIMETRE
+        lengths, repeat = (grain * spec.correlation_ratio, grain), 2 * setting.beam_length
+        return random_texture(places, spec.reflectance, spec.contrast, lengths, repeat, random)
+
+
+class _Image(GroundKind):
+    def texture(
+        self, setting: GroundSetting, files: ImageFiles, _random: np.random.Generator
+    ) -> Texture:
+        spec, places = self.spec, self._places(setting)
+        assert spec.image_file is not None
+        image, width = files.image(spec.image_file), spec.image_width_mm * MILLIMETRE
+        return image_texture(places, image, spec.reflectance, width)
+
+
+GROUNDS: Final[Mapping[str, type[GroundKind]]] = {
+    "plain": _Plain,
+    "squares": Squares,
+    "graded": _Graded,
+    "textured": _Textured,
+    "image": _Image,
+}
+# Names of all surfaces of grounds.
+GROUND: Final = {"background", "background_squares", "table_side", "floor"}

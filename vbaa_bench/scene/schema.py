@@ -165,6 +165,11 @@ class Scene(Part):
         return pushes.motor_angle_at_contact_deg
 
     @property
+    def ground_turns(self) -> bool:
+        """Whether the ground turns against the camera."""
+        return self.background.fixed_to != self.camera.mount
+
+    @property
     def light_setting(self) -> LightSetting:
         """What the places of lights may refer to."""
         camera = self.camera

@@ -1,22 +1,36 @@
-"""The squares of a ground lie where the scene states, and fill the image."""
+"""The squares of a ground lie where the scene states, fill the image, and are resolved."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import apply
 from tests.conftest import SMALL_SCENE
-from vbaa_bench.assembly.ground import Ground
-from vbaa_bench.assembly.ground_view import view_of_ground
-from vbaa_bench.scene.load import load_scene
+from vbaa_bench.assembly.ground import Ground, ground_setting, view_of_ground
+from vbaa_bench.assembly.plan import plan
+from vbaa_bench.scene.background import MAX_SQUARES, Squares
+from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scene.rigs import true_rig
 
 
-def ground(folder: Path, keys: str) -> Ground:
+def scene_of(folder: Path, background: str, *changes: tuple[str, str]) -> SceneFile:
+    text = SMALL_SCENE + f"background: {{pattern: squares, {background}}}\n"
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
     path = folder / "scene.yaml"
-    squares = f"background: {{pattern: squares, square_mm: 20{keys}}}\n"
-    path.write_text(SMALL_SCENE + squares, encoding="utf-8")
-    scene = load_scene(path).scene
+    path.write_text(text, encoding="utf-8")
+    return load_scene(path)
+
+
+def side_in_view(file: SceneFile) -> float:
+    return ground_setting(file.scene, true_rig(file.scene)).view
+
+
+def ground(folder: Path, keys: str) -> Ground:
+    scene = scene_of(folder, f"square_mm: 20{keys}").scene
     return Ground(scene, true_rig(scene), folder)
 
 
@@ -48,3 +62,52 @@ def test_without_offset_an_edge_is_below_the_beam(tmp_path: Path) -> None:
     (_, light), (_, dark) = ground(tmp_path, "").surfaces()
     for surface in (light, dark):
         assert np.abs(np.asarray(surface.mesh.vertices)[:, 1]).min() < 1e-12
+
+
+@pytest.mark.parametrize("square_mm", [0.001, 0.1, 0.5])
+def test_squares_that_no_camera_resolves_are_refused(tmp_path: Path, square_mm: float) -> None:
+    file = scene_of(tmp_path, f"square_mm: {square_mm}")
+    with pytest.raises(InputError) as caught:
+        plan(file)
+    (message,) = str(caught.value).splitlines()
+    said = rf"background.square_mm is {square_mm:g}, allowed is >= 1.11: smaller squares are below"
+    assert said in message
+
+
+def test_squares_that_are_resolved_are_few_enough(tmp_path: Path) -> None:
+    file = scene_of(tmp_path, "square_mm: 1.2")
+    plan(file)
+    # 176 rows and 512 columns, of two pixels each, and what is beyond a corner.
+    assert side_in_view(file) / 1.2e-3 < 350
+    large = scene_of(tmp_path, "square_mm: 5", ("width_px: 512", "width_px: 8192"))
+    setting = ground_setting(large.scene, true_rig(large.scene))
+    assert setting.view / Squares(large.scene.background).finest(setting) <= MAX_SQUARES
+
+
+@pytest.mark.parametrize("fixed_to", ["antenna", "world"])
+@pytest.mark.parametrize("tilted", [False, True])
+def test_the_ground_fills_the_image_however_it_is_turned(
+    tmp_path: Path, fixed_to: str, tilted: bool
+) -> None:
+    changes = [("[120.0, 22.0, 360.0]", "[80.0, -120.0, 300.0]")] if tilted else []
+    file = scene_of(tmp_path, f"square_mm: 15, fixed_to: {fixed_to}", *changes)
+    camera = true_rig(file.scene).camera
+    half = side_in_view(file) / 2
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    corners = np.array([0.12, 0.0]) + half * signs
+    for angle in np.radians([0, 30, 45, 180, 250] if fixed_to == "world" else [0]):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        turned = np.column_stack([corners @ turn.T, np.full(4, -0.03)])
+        assert apply(camera.camera_from_antenna, turned)[:, 2].min() > 0
+        pixels = camera.project(turned)
+        along = np.roll(pixels, -1, axis=0) - pixels
+        for u, v in [(-0.5, -0.5), (511.5, -0.5), (511.5, 175.5), (-0.5, 175.5)]:
+            away = np.array([u, v]) - pixels
+            side = along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]
+            assert (side < 0).all()
+
+
+def test_a_camera_that_sees_the_horizon_has_a_ground_of_its_own_size(tmp_path: Path) -> None:
+    far = [("[120.0, 22.0, 360.0]", "[120.0, -900.0, 50.0]")]
+    file = scene_of(tmp_path, "square_mm: 15", *far)
+    assert side_in_view(file) == pytest.approx(6 * 0.24)

@@ -153,8 +153,10 @@ class TouchedKind(PaintedPart, ObjectKind):
 
     @model_validator(mode="after")
     def _check_texture(self) -> "TouchedKind":
-        if self.texture is not None and self.paint == "black":
-            raise ValueError("texture is given and paint is black, allowed is any other paint")
+        if self.texture is not None and not self.finish.takes_texture:
+            raise ValueError(
+                f"texture is given and paint is {self.paint}, allowed is any other paint"
+            )
         return self
 
 
