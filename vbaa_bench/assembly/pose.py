@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from solver.instrument.arrays import Floats
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.hidden_stretch import hidden_stretch
+from vbaa_bench.assembly.occlusion import hidden_stretch
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.random_streams import random_generator

@@ -18,7 +18,7 @@ from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.ground import Ground
-from vbaa_bench.assembly.occluder import occluder
+from vbaa_bench.assembly.occlusion import occluder_mesh
 from vbaa_bench.assembly.part_textures import beam_texture, object_texture
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.wires import WIRES, wires_surface
@@ -163,7 +163,7 @@ class SceneAssembler:
                 Surface.of(_placed(peg, frame_from_clamp @ clamp_from_peg), second_peg),
             )
         occlusion = scene.occlusion
-        if occlusion is not None and occlusion.body is not None:
+        if occlusion is not None and occlusion.occluder is not None:
             cover = pose.spec.cover
             covers = cover is not None and cover.in_image
             stretch = pose.hidden if covers else None
@@ -172,7 +172,7 @@ class SceneAssembler:
             camera_from_clamp = camera.camera_from_antenna @ frame_from_clamp
             covered = pose.covered or state
             placeholder = (0.0, 0.1 * self.rig.beam.length)
-            mesh = occluder(
+            mesh = occluder_mesh(
                 occlusion, stretch or placeholder, covered, camera, camera_from_clamp, top, random
             )
             if stretch is None:  # shrunk to a point at the hub's foot, hides and shades nothing

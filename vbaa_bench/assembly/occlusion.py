@@ -1,4 +1,6 @@
-"""Occluders: meshes that hide a stretch of the beam from the camera."""
+"""Occlusion of a frame: the stretch of the beam to hide, and the body that hides it."""
+
+from typing import Final
 
 import numpy as np
 import trimesh
@@ -7,17 +9,34 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
-from vbaa_bench.geometry.occluders import bars, leaves, sheet_over
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.occlusion import OcclusionSpec
+from vbaa_bench.scene.frames import Cover
+from vbaa_bench.scene.occlusion import Area, OcclusionSpec
 
-# Ratio of the extent of all bars to the width that they hide: half is visible, if there is room.
-BARS_EXTENT_RATIO = 2.0
-# Maximum size of a leaf, relative to the hidden region's extent across the beam.
-MAX_LEAF_RATIO = 0.5
+# A stretch about the contact has it at a random place in its middle 80 %: a fixed place would
+# reveal the contact.
+_MAX_OFFSET: Final = 0.4
 
 
-def occluder(
+def hidden_stretch(
+    cover: Cover | None, state: State, length: float, random: np.random.Generator
+) -> tuple[float, float] | None:
+    """Choose the stretch [m] of Sigma_a's x axis to hide (eq. 32); None if nothing is hidden.
+
+    It is relative to the nominal `length` [m] of the beam, so that it reveals nothing about the
+    deflection.
+    """
+    if cover is None or cover.availability >= 1:
+        return None
+    width = (1 - cover.availability) * length
+    middle = {"base": 0.0, "middle": length / 2, "tip": length}.get(cover.place, length / 2)
+    if cover.place == "contact" and state.contacts:
+        middle = float(state.contact.point[0]) + random.uniform(-1, 1) * _MAX_OFFSET * width
+    start = float(np.clip(middle - width / 2, 0.0, length - width))
+    return start, start + width
+
+
+def occluder_mesh(
     spec: OcclusionSpec,
     stretch: tuple[float, float],
     state: State,
@@ -31,12 +50,10 @@ def occluder(
     It is above the whole beam and above the `top` [m] of the object, across the lines of sight to
     that stretch.
     """
-    line, (first, last) = state.centreline, stretch
-    length, hidden = float(line[-1, 0]), last - first
-    if spec.body == "bars":
-        extent = min(BARS_EXTENT_RATIO * hidden, length)
-        first = float(np.clip((first + last - extent) / 2, 0.0, length - extent))
-        last = first + extent
+    line, occluder = state.centreline, spec.occluder
+    assert occluder is not None
+    length, hidden = float(line[-1, 0]), stretch[1] - stretch[0]
+    first, last = occluder.spread(*stretch, length)
     inside = (line[:, 1] >= first) & (line[:, 1] <= last)
     inside[np.abs(line[:, 1] - (first + last) / 2).argmin()] = True
     height = max(float(line[:, 3].max()), top) + spec.height_mm * MILLIMETRE
@@ -46,14 +63,8 @@ def occluder(
     # The stretch is an interval of x; its ends are between two rows of the centreline.
     x_from -= max(line[inside, 1].min() - first, 0.0)
     x_to += max(last - line[inside, 1].max(), 0.0)
-    y_from, y_to = y_from - margin, y_to + margin
-    if spec.body == "sheet":
-        return sheet_over(x_from, x_to, y_from, y_to, height)
-    if spec.body == "bars":
-        width = hidden / (last - first) * (x_to - x_from) / spec.count
-        return bars(x_from, x_to, y_from, y_to, height, spec.count, 0.999 * width)
-    size = min(3 * (x_to - x_from) / np.sqrt(spec.count), MAX_LEAF_RATIO * (y_to - y_from))
-    return leaves(x_from, x_to, y_from, y_to, height, spec.count, size, random)
+    area = Area(x_from, x_to, y_from - margin, y_to + margin, height)
+    return occluder.mesh(area, hidden / (last - first), spec.count, random)
 
 
 def _project_to_height(
