@@ -11,7 +11,7 @@ from results.pictures.contact_sheet import CAPTION_PX, INK, PAPER, brightened, p
 from solver.instrument.files import write_bytes
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
-from vbaa_bench.scene.push_spec import PushSpec
+from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.rendering import RenderSpec
 from vbaa_bench.scene.schema import Scene
 

@@ -1,4 +1,4 @@
-"""The clamp's surfaces, and whether the object has room beside its jaw."""
+"""The surfaces of what holds the beam, and whether the object has room beside the clamp's jaw."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -13,16 +13,32 @@ from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.laboratory import ClampSpec
 from vbaa_bench.scene.schema import Scene
 
-CLAMP: Final = ("jaw", "screw", "flange", "cable")
+# Names of all surfaces that hold the beam.
+HOLDER: Final = ("jaw", "screw", "flange", "cable", "adaptor", "hub")
 # Length of the cable over the beam's, and its distance behind the jaw where it sinks, over the
 # flange's radius. Chosen: it leaves the view, and passes the flange.
 _CABLE_LENGTH, _CABLE_REACH = 0.6, 1.6
 
 
-def clamp_surfaces(scene: Scene, ground: float) -> Iterator[tuple[str, Surface]]:
-    """Yield the surfaces of a scene's clamp in the clamp's frame [m], above a `ground` [m]."""
-    spec, mm = scene.clamp, MILLIMETRE
-    assert spec is not None
+def holder_surfaces(scene: Scene) -> Iterator[tuple[str, Surface]]:
+    """Yield the surfaces of a scene's clamp, adaptor and hub in the clamp's frame [m]."""
+    spec, mm = scene.hub, MILLIMETRE
+    top, offset = spec.top_mm * mm, np.array(scene.clamp_offset_mm) * mm
+    if scene.clamp is not None:
+        yield from _clamp_surfaces(scene, scene.clamp)
+        if not offset.any():
+            top = -scene.clamp.jaw_mm[2] / 2 * mm
+    bottom = scene.background.height if spec.bottom_mm is None else spec.bottom_mm * mm
+    hub = clamp.hub(spec.radius_mm * mm, bottom, top)
+    if offset.any():
+        hub.apply_translation(-offset)
+        yield "adaptor", Surface.of(clamp.adaptor(offset, spec.radius_mm * mm / 2), spec)
+    yield "hub", Surface.of(hub, spec)
+
+
+def _clamp_surfaces(scene: Scene, spec: ClampSpec) -> Iterator[tuple[str, Surface]]:
+    """Yield the surfaces of the clamp, whose cable leads to the ground."""
+    mm = MILLIMETRE
     length, width, height = (side * mm for side in spec.jaw_mm)
     jaw = clamp.jaw(length, width, height, scene.beam.diameter_mm * mm)
     yield "jaw", Surface.of(jaw, spec)
@@ -34,6 +50,7 @@ def clamp_surfaces(scene: Scene, ground: float) -> Iterator[tuple[str, Surface]]
     yield "flange", Surface.of(flange, spec)
     start = np.array([-length, 0.0, -height / 4])
     away = _CABLE_LENGTH * scene.beam.length_mm * mm
+    ground = scene.background.height
     cable = clamp.cable(start, _CABLE_REACH * radius, away, spec.cable_radius_mm * mm, ground)
     yield "cable", Surface(cable, spec.cable_reflectance, "gloss", roughness=0.5)
 

@@ -9,11 +9,10 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
-from solver.instrument.transforms import apply, invert
+from solver.instrument.transforms import apply, invert, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.clamp import overlaps_jaw
 from vbaa_bench.assembly.mesh_file import SceneMeshes
-from vbaa_bench.assembly.object_pose import hanging, place
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.contact import Obstacle
 from vbaa_bench.mechanics.hung import hang
@@ -103,7 +102,7 @@ class Experiment:
             gap = (peg.gap_mm * MILLIMETRE) * np.array([0.0, 1.0, 0.0])
             offset = self.rod.reach(peg.distance_mm * MILLIMETRE, np.pi)
             # The peg is on the other side of the beam, so the tangent is reversed.
-            pose = place(point + gap, -tangent, 0.0, offset)
+            pose = _placed(point + gap, -tangent, 0.0, offset)
             obstacles.append(Obstacle(upright(peg.radius_mm * MILLIMETRE), pose))
         return obstacles
 
@@ -215,7 +214,7 @@ class Experiment:
     def clamp_from_object(self, state: State, step: int, index: int = 0) -> Floats:
         """Compute clamp_from_object (4, 4) of an obstacle, displaced as the beam has pushed it."""
         if self.model == HUNG:
-            return hanging(state.contact.point, state.contact.tangent, state.contact.force)
+            return _hanging(state.contact.point, state.contact.tangent, state.contact.force)
         obstacle = self.obstacles[index]
         world = self.motor.clamp_from_world(state.pushing_angle, self.steps[step].drift)
         pose = world @ obstacle.world_from_object
@@ -276,7 +275,7 @@ class Experiment:
         else:
             point, tangent = self._resting_at(self.push.contact_distance or 0.0)
         offset = self.rod.reach(self.push.contact_distance or 0.0, self.push.normal)
-        pose = place(point, tangent, self.push.normal, offset)
+        pose = _placed(point, tangent, self.push.normal, offset)
         friction = getattr(spec, "friction", 0.0)
         return Obstacle(
             spec.surface(self.object_setting),
@@ -293,3 +292,31 @@ class Experiment:
         i = int(np.clip(np.searchsorted(line[:, 0], s), 1, len(line) - 1))
         step = line[i, 1:] - line[i - 1, 1:]
         return point, step / np.linalg.norm(step)
+
+
+def _placed(at: Floats, tangent: Floats, tilt: float, reach: float) -> Floats:
+    """Compute world_from_object (4, 4) of an object that touches the beam at rest.
+
+    The beam's centreline passes through `at` (3,) [m] along `tangent` (3,). The object's edge, its
+    z axis, is tilted by `tilt` [rad] from upright; its outward normal is perpendicular to both. The
+    beam's surface is `reach` [m] from the centreline.
+    """
+    edge = np.array([0.0, -np.sin(tilt), np.cos(tilt)])
+    outward = np.cross(edge, tangent)
+    outward /= np.linalg.norm(outward)
+    pose = rigid(np.zeros(3), at - reach * outward)
+    pose[:3, :3] = np.column_stack([np.cross(outward, edge), outward, edge])
+    return pose
+
+
+def _hanging(at: Floats, tangent: Floats, force: Floats) -> Floats:
+    """Compute clamp_from_object (4, 4) of a weight that pulls at `at` (3,) [m] with `force` (3,).
+
+    Its y axis is up; its x axis is the beam's `tangent` (3,), made level.
+    """
+    up = -force / np.linalg.norm(force)
+    level = tangent - (tangent @ up) * up
+    level /= np.linalg.norm(level)
+    pose = rigid(np.zeros(3), at)
+    pose[:3, :3] = np.column_stack([level, up, np.cross(level, up)])
+    return pose

@@ -6,8 +6,7 @@ import numpy as np
 
 from solver.instrument.units import MILLIMETRE, PERCENT
 from vbaa_bench.assembly.mesh_file import SceneMeshes
-from vbaa_bench.geometry.box_mapping import box_mapped
-from vbaa_bench.geometry.textures import Grime, Texture, grime_texture
+from vbaa_bench.geometry.textures import Grime, Texture, box_mapped, grime_texture
 from vbaa_bench.render.image_files import SceneImages
 from vbaa_bench.scene.objects.object import ObjectSetting, TouchedKind
 from vbaa_bench.scene.random_streams import random_generator

@@ -10,11 +10,10 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
-from solver.instrument.transforms import apply
-from solver.instrument.units import MILLIMETRE
+from solver.instrument.transforms import apply, rigid
+from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.beam_mesher import BeamMesher
-from vbaa_bench.assembly.board_tilt import board_tilt
-from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
+from vbaa_bench.assembly.clamp import HOLDER, holder_surfaces
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.ground import Ground
@@ -23,9 +22,8 @@ from vbaa_bench.assembly.part_textures import beam_texture, object_texture
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.wires import WIRES, wires_surface
 from vbaa_bench.geometry.board import board, cells
-from vbaa_bench.geometry.box_mapping import unshared
-from vbaa_bench.geometry.hub import adaptor, hub
-from vbaa_bench.geometry.textures import Texture
+from vbaa_bench.geometry.textures import Texture, unshared
+from vbaa_bench.geometry.tip import TIPS
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.optics import Lens
@@ -106,7 +104,7 @@ class SceneAssembler:
 
     def antenna_from_board(self, view: int) -> Floats:
         """Compute the true pose (4, 4) of the calibration board in a view."""
-        return self.rig.antenna_from_board @ board_tilt(self.scene, view)
+        return self.rig.antenna_from_board @ _board_tilt(self.scene, view)
 
     def _antenna_and_ground(
         self, experiment: Experiment, state: State, motor_angle: float
@@ -120,26 +118,14 @@ class SceneAssembler:
             beam,
             arc_length=s,
             smooth=spec.section != "strip",
-            oblique_tip=spec.tip == "cut",
+            oblique_tip=TIPS[spec.tip].oblique,
         )
         if spec.grime is not None:
             around = self._beam_mesher.around(s)
             beam = replace(beam, texture=self._grime, around=around)
         yield "beam", beam
-        hub_spec, mm = scene.hub, MILLIMETRE
-        bottom = experiment.ground if hub_spec.bottom_mm is None else hub_spec.bottom_mm * mm
-        shaft = hub(hub_spec.radius_mm * mm, bottom, hub_spec.top_mm * mm)
-        offset = np.array(scene.clamp_offset_mm) * mm
-        if scene.clamp is not None:
-            if not offset.any():
-                shaft = hub(hub_spec.radius_mm * mm, bottom, -scene.clamp.jaw_mm[2] / 2 * mm)
-            for name, surface in clamp_surfaces(scene, experiment.ground):
-                yield name, replace(surface, mesh=_placed(surface.mesh, frame_from_clamp))
-        if offset.any():
-            shaft.apply_translation(-offset)
-            arm = adaptor(offset, hub_spec.radius_mm * mm / 2)
-            yield "adaptor", Surface.of(_placed(arm, frame_from_clamp), hub_spec)
-        yield "hub", Surface.of(_placed(shaft, frame_from_clamp), hub_spec)
+        for name, surface in holder_surfaces(scene):
+            yield name, replace(surface, mesh=_placed(surface.mesh, frame_from_clamp))
         yield from self._background(experiment, motor_angle)
 
     def object_surfaces(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
@@ -273,7 +259,7 @@ class SceneAssembler:
     @property
     def _still(self) -> set[str]:
         """Names of surfaces that do not move against the camera; a plain ground always counts."""
-        still = {"hub", "adaptor", *CLAMP} if self.scene.camera.mount == "antenna" else set()
+        still = set(HOLDER) if self.scene.camera.mount == "antenna" else set()
         if not self.scene.ground_turns:
             still |= {*GROUND, *CLUTTER, WIRES}
         elif self.scene.background.is_endless:
@@ -296,3 +282,19 @@ def _placed(mesh: trimesh.Trimesh, transform: Floats) -> trimesh.Trimesh:
     """Transform a mesh in place; its vertices keep their order."""
     mesh.vertices = apply(transform, np.asarray(mesh.vertices))
     return mesh
+
+
+def _board_tilt(scene: Scene, view: int) -> Floats:
+    """Draw a view's board pose relative to view 0: tilted about its own x and y axes."""
+    if view == 0:
+        return np.eye(4)
+    random = random_generator(scene, "board view", view)
+    max_tilt = scene.calibration.tilt_deg * DEGREE
+    # Tilt directions are spread evenly, and no tilt is near zero, as in careful calibration.
+    fraction = (view + random.uniform(-0.2, 0.2)) / (scene.calibration.views - 1)
+    azimuth = 2 * np.pi * fraction
+    angle = max_tilt * random.uniform(0.7, 1.0)
+    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    # Tilting brings one side nearer to the camera; lower the card so that it stays in view.
+    lowering = random.uniform(0.12, 0.2) * scene.camera.position_mm[2] * MILLIMETRE
+    return rigid(angle * axis, np.array([0.0, 0.0, -lowering]))

@@ -11,7 +11,7 @@ from solver.instrument.keys import Keys
 from solver.instrument.rig import RIGIDITIES_N_MM2, SIZES_MM
 from vbaa_bench.dataset.document import mistake_sentence
 from vbaa_bench.scene.load import recorded_values
-from vbaa_bench.scene.push_spec import PushSpec
+from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.schema import Scene
 
 # Chosen far beyond any rig: only mistakes in typing are rejected, and no product overflows.

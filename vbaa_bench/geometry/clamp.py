@@ -1,14 +1,15 @@
-"""The clamp that holds the beam: jaw, screw, flange and cable, in the clamp's frame [m].
+"""What holds the beam: the motor's hub, an adaptor, and a clamp of jaw, screw, flange and cable.
 
-The beam leaves the jaw at the origin, along +x. The jaw is in x <= 0: it hides nothing of the beam
-from above.
+Meshes are in the clamp's frame [m], except that of the hub, which is about the motor's axis. The
+beam leaves the jaw at the origin, along +x. The jaw is in x <= 0: it hides nothing of the beam from
+above.
 """
 
 import numpy as np
-import trimesh
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.geometry.solids import box, lofted, together, turned
+from vbaa_bench.geometry.mesh import Mesh
+from vbaa_bench.geometry.solids import arc, box, lofted, prism, rod, together, turned
 from vbaa_bench.geometry.tube import tube
 
 _SIDES = 60
@@ -21,7 +22,18 @@ _GAP = 0.6
 _CABLE_POINTS, _CABLE_SIDES = 64, 24
 
 
-def jaw(length: float, width: float, height: float, beam_diameter: float) -> trimesh.Trimesh:
+def adaptor(offset: Floats, radius: float) -> Mesh:
+    """Mesh the rod from the motor's axis at -offset (3,) to the clamp at the origin."""
+    return rod(-offset, np.zeros(3), radius)
+
+
+def hub(radius: float, bottom: float, top: float) -> Mesh:
+    """Mesh the motor's hub: an upright cylinder about the z axis."""
+    outline = arc(radius, 2 * np.pi * np.arange(64) / 64) + np.array([0.0, radius])
+    return prism(outline, bottom, top)
+
+
+def jaw(length: float, width: float, height: float, beam_diameter: float) -> Mesh:
     """Mesh the two halves of the jaw, one above the other, with a gap at the beam's height.
 
     The upper half has chamfered edges.
@@ -37,7 +49,7 @@ def jaw(length: float, width: float, height: float, beam_diameter: float) -> tri
     return together([lower, lofted(np.array(rings))])
 
 
-def screw(radius: float, middle: Floats) -> trimesh.Trimesh:
+def screw(radius: float, middle: Floats) -> Mesh:
     """Mesh the head of a socket screw, upright, whose underside is about `middle` (3,)."""
     angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
     hexagon = _SOCKET * radius / np.cos((angle + np.pi / 6) % (np.pi / 3) - np.pi / 6)
@@ -50,16 +62,14 @@ def screw(radius: float, middle: Floats) -> trimesh.Trimesh:
     return head
 
 
-def flange(radius: float, thickness: float, top: float) -> trimesh.Trimesh:
+def flange(radius: float, thickness: float, top: float) -> Mesh:
     """Mesh a disc about the z axis, with a chamfered upper edge."""
     chamfer = _CHAMFER * min(radius, thickness)
     radii = np.array([radius, radius, radius - chamfer])[:, None] * np.ones(_SIDES)
     return turned(radii, np.array([top - thickness, top - chamfer, top]))
 
 
-def cable(
-    start: Floats, reach: float, length: float, radius: float, ground: float
-) -> trimesh.Trimesh:
+def cable(start: Floats, reach: float, length: float, radius: float, ground: float) -> Mesh:
     """Mesh a cable that leaves `start` (3,) along -x, sinks to the `ground` and leads away.
 
     It sinks about `reach` away, and ends `length` away, on the ground.

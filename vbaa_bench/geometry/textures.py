@@ -1,4 +1,4 @@
-"""Textures: reflectances that vary over a flat sheet or along a beam. Lengths are [m]."""
+"""Textures: reflectances that vary over a flat sheet, a body or a beam. Lengths are [m]."""
 
 import math
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.mesh import Mesh, mesh_of
 
 # Size of a texel, as a fraction of the correlation length.
 TEXEL = 1 / 8
@@ -140,3 +141,20 @@ def grime_texture(
     shine = np.where(dusty, 0.0, 1 - grime.uneven_gloss * ndtr(gloss))
     half = slice(0, (rows + 1) // 2)
     return Texture(image[half], np.empty((0, 2)), gloss=shine[half], per_mm=1e-3 / length)
+
+
+def unshared(mesh: Mesh) -> Mesh:
+    """Give every face its own three vertices, so that faces can have different coordinates."""
+    faces = np.arange(3 * len(mesh.faces)).reshape(-1, 3)
+    return mesh_of(np.asarray(mesh.vertices)[mesh.faces.ravel()], faces)
+
+
+def box_mapped(mesh: Mesh) -> Floats:
+    """Compute places (3 faces, 2) [m] of the vertices of `unshared(mesh)` on a flat sheet.
+
+    A face that faces z most has x and y, one that faces y has x and z, one that faces x y and z.
+    """
+    corners = np.asarray(mesh.vertices)[mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axes = np.array([[1, 2], [0, 2], [0, 1]])[np.abs(across).argmax(axis=1)]
+    return np.asarray(np.take_along_axis(corners, axes[:, None, :], axis=2).reshape(-1, 2))

@@ -13,7 +13,7 @@ from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.push_spec import PushSpec
+from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.random_scene import accepted
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.scene.schema import Scene

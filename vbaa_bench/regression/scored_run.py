@@ -11,7 +11,7 @@ from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.regression.compared import COMPARED
-from vbaa_bench.scene.push_spec import PushSpec
+from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import read_scores, read_summary

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from solver.instrument.rig import MAX_SHIFT_PX
+from vbaa_bench.geometry.tip import Tip
 from vbaa_bench.scene.paint import GrimeSpec, Paint, PaintedPart
 from vbaa_bench.scene.part import Fraction, Part, Positive, Tilt, Tolerance
 
@@ -57,7 +58,7 @@ class BeamSpec(PaintedPart):
         default=0.0,
         description="Rotation of the clamp over its bending moment, in units of L / EI.",
     )
-    tip: Literal["flat", "round", "cut", "burr"] = Field(
+    tip: Tip = Field(
         default="flat",
         description="Shape of a round beam's tip, over its last diameter; length and "
         "mechanics stay those of a flat tip.",

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from solver.instrument.board import Charuco, LineNetwork
 from solver.instrument.distortion import COUNTS, one_to_one
-from vbaa_bench.scene.part import Part, Positive, Triple
+from vbaa_bench.scene.part import NonNegative, Part, Positive, Triple
 
 Shift = Annotated[float, Field(ge=-100, le=100)]
 
@@ -93,6 +93,23 @@ class CameraSpec(Part):
         sides = [np.hstack([fractions, np.full_like(fractions, end)]) for end in (-1.0, 1.0)]
         border = np.vstack([*sides, *(side[:, ::-1] for side in sides)]) * half
         return np.asarray((border - self.principal_point_offset_px) / self.focal_length_px)
+
+
+class OpticsSpec(Part):
+    """Point spread, depth of field and vignetting."""
+
+    point_spread_px: Annotated[float, Field(ge=0, le=20)] = Field(
+        default=0.0, description="Sigma of a Gaussian point spread."
+    )
+    aperture_mm: NonNegative = Field(
+        default=0.0, description="Diameter of the entrance pupil; with 0 everything is in focus."
+    )
+    focus_distance_mm: Positive | None = Field(
+        default=None, description="Depth in focus; by default that of the look-at point."
+    )
+    vignetting_pct: Annotated[float, Field(ge=0, le=90)] = Field(
+        default=0.0, description="Darkening of the image's corners relative to its middle."
+    )
 
 
 class CalibrationSpec(Part):

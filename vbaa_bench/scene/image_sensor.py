@@ -5,13 +5,45 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from solver.instrument.units import MICRO, PERCENT
-from vbaa_bench.scene.mosaic import BayerSpec
 from vbaa_bench.scene.part import NonNegative, Part
+
+# The photosites of the upper left corner of a Bayer mosaic, row by row.
+BayerPattern = Literal["rggb", "bggr", "grbg", "gbrg"]
 
 # Fields that an ideal sensor may set; all others keep their defaults.
 _IDEAL = ("bits", "beam_peak_pct", "rest_images", "exposure_s", "line_time_us")
 
 _PartsPerMillion = Annotated[float, Field(ge=0, le=1e5)]
+_Signal = Annotated[float, Field(ge=0.01, le=1)]
+
+
+class BayerSpec(Part):
+    """Bayer mosaic over the photosites; images are reconstructed in colour and converted to gray.
+
+    All surfaces and lamps are gray: a channel differs from another only by its signal, the
+    product of the lamp's colour and the filter's sensitivity. The exposure is metered in the most
+    sensitive channel.
+    """
+
+    pattern: BayerPattern = Field(
+        default="rggb", description="The photosites of the upper left corner, row by row."
+    )
+    red: _Signal = Field(
+        default=0.6, description="Signal of the red photosites, relative to the others."
+    )
+    green: _Signal = Field(
+        default=1.0, description="Signal of the green photosites, relative to the others."
+    )
+    blue: _Signal = Field(
+        default=0.5, description="Signal of the blue photosites, relative to the others."
+    )
+    white_balance: bool = Field(
+        default=True,
+        description="Whether the channels are scaled to the same signal of a gray surface.",
+    )
+    demosaicing: Literal["bilinear", "edge_aware"] = Field(
+        default="bilinear", description="How the colours between photosites are reconstructed."
+    )
 
 
 class SensorSpec(Part):

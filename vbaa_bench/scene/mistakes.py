@@ -11,13 +11,30 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from solver.instrument.errors import quoted, truncated
 from vbaa_bench.scene.families import family_of, kind_of, sections
 from vbaa_bench.scene.random_keys import DistributionError
-from vbaa_bench.scene.renamed import new_key
 from vbaa_bench.scene.schema import Scene
 
 Key = str | int
 
 # Chosen: the length of a list of mistakes that a terminal shows.
 MAX_MISTAKES: Final = 20
+# Keys that have been renamed: section -> old key -> new key. A section within a list has no index;
+# "" is the scene itself.
+RENAMED: Final = {
+    "": {"adaptor_mm": "clamp_offset_mm"},
+    "beam": {"pieces": "centreline_segments", "aspect": "aspect_ratio"},
+    "camera": {"sees_tip": "tip_in_view"},
+    "optics": {"spread_px": "point_spread_px", "focus_mm": "focus_distance_mm"},
+    "lights": {
+        "inner_mm": "inner_radius_mm",
+        "outer_mm": "outer_radius_mm",
+        "lift_mm": "height_above_background_mm",
+        "edge_mm": "edge_width_mm",
+        "turn_deg": "rotation_deg",
+        "cone_deg": "cone_angle_deg",
+    },
+    "background": {"grain": "correlation_ratio", "lies_in": "fixed_to"},
+    "render": {"noise_still": "noise_static_layer"},
+}
 
 
 def listed_mistakes(path: Path, document: Any, errors: Iterable[Any]) -> list[str]:
@@ -84,7 +101,7 @@ def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
     """Suggest the key that is meant by an unknown one, or list those of its section."""
     name = str(location[-1])
     section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
-    if renamed := new_key(section, name):
+    if renamed := RENAMED.get(section, {}).get(name):
         return f"it is now called {renamed}"
     # Random keys are stated in the places of their values, not in a list.
     known = [name for name in _models(location[:-1])[0].model_fields if name != "random_keys"]

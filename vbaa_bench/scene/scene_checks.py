@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from vbaa_bench.scene.beam import BeamSpec
 from vbaa_bench.scene.lights.soft import LightSpec
 from vbaa_bench.scene.objects.weight import weight_mistake
-from vbaa_bench.scene.push_spec import MAX_FRAMES, PushSpec
+from vbaa_bench.scene.push import MAX_FRAMES, PushSpec
 
 if TYPE_CHECKING:
     from vbaa_bench.scene.schema import Scene

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from vbaa_bench.scene.background import BackgroundSpec
 from vbaa_bench.scene.beam import BeamSpec, ToleranceSpec
-from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
+from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec, OpticsSpec
 from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.scene.laboratory import (
@@ -26,20 +26,19 @@ from vbaa_bench.scene.lights.light import AnyLight, LightSetting
 from vbaa_bench.scene.lights.soft import LightSpec
 from vbaa_bench.scene.objects.block import BlockSpec
 from vbaa_bench.scene.objects.object import AnyObject
+from vbaa_bench.scene.objects.peg import SecondPegSpec
 from vbaa_bench.scene.occlusion import OcclusionSpec
-from vbaa_bench.scene.optics import OpticsSpec
 from vbaa_bench.scene.part import (
     Onset,
     Part,
     Triple,
 )
 from vbaa_bench.scene.presets import Look, with_preset
-from vbaa_bench.scene.push_spec import PushSpec
+from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec, SplitSpec
 from vbaa_bench.scene.scene_checks import CHECKS
-from vbaa_bench.scene.second_peg import SecondPegSpec
 from vbaa_bench.scene.unit_values import Method
 from vbaa_bench.scene.wires import WiresSpec
 

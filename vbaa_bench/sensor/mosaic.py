@@ -1,25 +1,24 @@
 """Colour filters on the photosites of an image sensor, and the reconstruction of their colours."""
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import cv2
 import numpy as np
 
 from solver.instrument.arrays import Grey
+from vbaa_bench.scene.image_sensor import BayerPattern
 from vbaa_bench.sensor.quantise import Image
-
-Pattern = Literal["rggb", "bggr", "grbg", "gbrg"]
 
 # The aliases that name a pattern by its upper left photosites; OpenCV's older constants, such as
 # COLOR_BayerBG2BGR for rggb, name those from the second row and column on (opencv #19629).
-_BILINEAR: Final[dict[str, int]] = {
+_BILINEAR: Final[dict[BayerPattern, int]] = {
     "rggb": cv2.COLOR_BAYER_RGGB2BGR,
     "bggr": cv2.COLOR_BAYER_BGGR2BGR,
     "grbg": cv2.COLOR_BAYER_GRBG2BGR,
     "gbrg": cv2.COLOR_BAYER_GBRG2BGR,
 }
-_EDGE_AWARE: Final[dict[str, int]] = {
+_EDGE_AWARE: Final[dict[BayerPattern, int]] = {
     "rggb": cv2.COLOR_BAYER_RGGB2BGR_EA,
     "bggr": cv2.COLOR_BAYER_BGGR2BGR_EA,
     "grbg": cv2.COLOR_BAYER_GRBG2BGR_EA,
@@ -38,7 +37,7 @@ class Mosaic:
     red: float
     green: float
     blue: float
-    pattern: Pattern = "rggb"
+    pattern: BayerPattern = "rggb"
     white_balance: bool = True
     edge_aware: bool = False
 

@@ -17,8 +17,7 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.plan import plan
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.assembly.wires import wires_surface
-from vbaa_bench.geometry.wires import Wire, crossing
+from vbaa_bench.assembly.wires import Wire, crossing, wires_surface
 from vbaa_bench.scene.load import load_scene
 
 WIRES = """

@@ -4,7 +4,7 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Chessboard
 from vbaa_bench.geometry.board import board
-from vbaa_bench.geometry.hub import hub
+from vbaa_bench.geometry.clamp import hub
 from vbaa_bench.geometry.sheets import sheet, squares
 from vbaa_bench.geometry.tube import arc_length_of_vertices, normals, sides, tube
 from vbaa_bench.scene.objects.block import block

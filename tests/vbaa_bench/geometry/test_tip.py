@@ -5,7 +5,7 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from tests.draws import generator
-from vbaa_bench.geometry.tip import Tip, shaped, tip_rings
+from vbaa_bench.geometry.tip import TIPS, Tip, shaped
 from vbaa_bench.geometry.tube import arc_length_of_vertices, normals, tube
 
 RADIUS, LENGTH, FACETS = 0.4e-3, 0.24, 32
@@ -13,18 +13,19 @@ RADIUS, LENGTH, FACETS = 0.4e-3, 0.24, 32
 
 def straight(shape: Tip) -> tuple[Floats, Floats, float]:
     """Vertices, arc lengths and volume of a straight beam along x."""
-    end = tip_rings(shape, RADIUS)
+    tip = TIPS[shape]
+    end = tip.rings(RADIUS)
     s = np.append(np.linspace(0, LENGTH - end.before_end[0], 50)[:-1], LENGTH - end.before_end)
     radius = np.full(len(s), RADIUS)
     radius[-len(end.factor) :] *= end.factor
     path = np.column_stack([s, np.zeros((len(s), 2))])
     mesh = tube(path, radius, FACETS, caps_apart=True)
     arc_length = arc_length_of_vertices(s, FACETS)
-    arc_length = shaped(mesh, arc_length, FACETS, shape, generator(__name__, 2))
+    arc_length = shaped(mesh, arc_length, FACETS, tip, generator(__name__, 2))
     mesh.merge_vertices()
     assert mesh.is_watertight
     unmerged = tube(path, radius, FACETS, caps_apart=True)
-    shaped(unmerged, arc_length, FACETS, shape, generator(__name__, 2))
+    shaped(unmerged, arc_length, FACETS, tip, generator(__name__, 2))
     return np.asarray(unmerged.vertices), arc_length, float(mesh.volume)
 
 

@@ -13,8 +13,7 @@ from scipy.stats import norm
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from vbaa_bench.geometry.box_mapping import box_mapped, unshared
-from vbaa_bench.geometry.textures import Texture, image_texture
+from vbaa_bench.geometry.textures import Texture, box_mapped, image_texture, unshared
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.variant import activate

@@ -10,7 +10,7 @@ from tests.conftest import SCENE_TEXT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.plan import plan
 from vbaa_bench.scene.load import SceneFile, check_scene, load_scene, recorded_scene
-from vbaa_bench.scene.renamed import RENAMED
+from vbaa_bench.scene.mistakes import RENAMED
 from vbaa_bench.scene.schema import Scene
 
 SCENES = Path(__file__).parents[3] / "scenes"

@@ -6,7 +6,7 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from vbaa_bench.geometry.hub import adaptor
+from vbaa_bench.geometry.clamp import adaptor
 from vbaa_bench.geometry.solids import slab
 from vbaa_bench.scene.objects.block import block
 from vbaa_bench.scene.objects.cylinder import cylinder

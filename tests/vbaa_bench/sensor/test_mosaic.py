@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from tests.draws import generator
-from vbaa_bench.scene.image_sensor import SensorSpec
+from vbaa_bench.scene.image_sensor import BayerPattern, SensorSpec
 from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure
-from vbaa_bench.sensor.mosaic import Mosaic, Pattern
+from vbaa_bench.sensor.mosaic import Mosaic
 from vbaa_bench.sensor.quantise import quantise
 from vbaa_bench.sensor.sensor import Sensor
 
-PATTERNS = get_args(Pattern)
+PATTERNS = get_args(BayerPattern)
 SIGNALS = {"r": 0.6, "g": 1.0, "b": 0.5}
 # Rec. ITU-R BT.601, and how it weights gray light without white balance.
 WEIGHTS = {"r": 0.299, "g": 0.587, "b": 0.114}
 UNBALANCED = sum(WEIGHTS[c] * SIGNALS[c] for c in "rgb")
 
 
-def mosaic(pattern: Pattern = "rggb", **keys: Any) -> Mosaic:
+def mosaic(pattern: BayerPattern = "rggb", **keys: Any) -> Mosaic:
     return Mosaic(SIGNALS["r"], SIGNALS["g"], SIGNALS["b"], pattern, **keys)
 
 
@@ -27,7 +27,7 @@ def mosaic(pattern: Pattern = "rggb", **keys: Any) -> Mosaic:
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.parametrize(("bits", "black"), [(8, 16), (16, 900)])
 def test_gray_light_is_gray_in_every_pattern(
-    pattern: Pattern, edge_aware: bool, bits: int, black: int
+    pattern: BayerPattern, edge_aware: bool, bits: int, black: int
 ) -> None:
     filters = mosaic(pattern, edge_aware=edge_aware)
     transmission = filters.transmission((20, 31))

@@ -11,7 +11,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.camera import CameraSpec
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.push_spec import PushSpec
+from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.sampling import SamplingSpec
 from vbaa_bench.scene.schema import Scene
 
