@@ -32,15 +32,15 @@ _ANGLE_OVER_DEFLECTION = 1.5
 
 
 def clutter_surfaces(
-    scene: Scene, rig: TrueRig, folder: Path, look: int = 0
+    scene: Scene, rig: TrueRig, folder: Path, pattern_id: int = 0
 ) -> Iterator[tuple[str, Surface]]:
     """Yield the clutter of a scene in the frame of its ground [m], one surface for each paint.
 
-    `look` numbers the random draws.
+    `pattern_id` is the number of the random draws.
     """
     spec, ground = scene.clutter, scene.background.height
     assert spec is not None
-    random = random_generator(scene, "clutter", look)
+    random = random_generator(scene, "clutter", pattern_id)
     low, high = np.log(np.array(spec.size_mm) * MILLIMETRE)
     sizes = np.exp(random.uniform(low, high, spec.count))
     height = spec.highest_mm(ground / MILLIMETRE) * MILLIMETRE - ground

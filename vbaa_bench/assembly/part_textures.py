@@ -15,10 +15,11 @@ from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scene.textures.texture import TextureSetting
 
 
-def object_texture(scene: Scene, rig: TrueRig, folder: Path, number: int = 0) -> Texture | None:
+def object_texture(scene: Scene, rig: TrueRig, folder: Path, pattern_id: int = 0) -> Texture | None:
     """Create the texture of a scene's object, for its shape before it is touched.
 
-    It is None if the object has none. `number` is that of the random pattern. Raises InputError.
+    It is None if the object has none. `pattern_id` is the number of the random pattern. Raises
+    InputError.
     """
     spec = scene.object
     if not isinstance(spec, TouchedKind) or spec.texture is None:
@@ -26,16 +27,16 @@ def object_texture(scene: Scene, rig: TrueRig, folder: Path, number: int = 0) ->
     object_setting = ObjectSetting(rig.beam.radius, scene.background.height, SceneMeshes(folder))
     places = box_mapped(spec.mesh(object_setting))
     extent = float(np.ptp(places, axis=0).max())
-    random = random_generator(scene, "object texture", number)
+    random = random_generator(scene, "object texture", pattern_id)
     files = SceneImages(folder)
     setting = TextureSetting(places, spec.mean_reflectance, extent, files, random)
     return spec.finish.textured(spec.texture.texture(setting))
 
 
-def beam_texture(scene: Scene, rig: TrueRig, number: int = 0) -> Texture | None:
+def beam_texture(scene: Scene, rig: TrueRig, pattern_id: int = 0) -> Texture | None:
     """Create the texture of a scene's beam; None if it is clean.
 
-    `number` is that of the random pattern.
+    `pattern_id` is the number of the random pattern.
     """
     spec, beam, mm = scene.beam.grime, rig.beam, MILLIMETRE
     if spec is None:
@@ -48,5 +49,5 @@ def beam_texture(scene: Scene, rig: TrueRig, number: int = 0) -> Texture | None:
         dust_reflectance=spec.dust_reflectance,
         uneven_gloss=spec.uneven_gloss,
     )
-    girth, random = 2 * np.pi * beam.radius, random_generator(scene, "grime", number)
+    girth, random = 2 * np.pi * beam.radius, random_generator(scene, "grime", pattern_id)
     return grime_texture(grime, scene.beam.mean_reflectance, beam.length, girth, random)

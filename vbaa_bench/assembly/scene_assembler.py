@@ -45,8 +45,9 @@ WHITE, BLACK = 0.7, 0.04
 class SceneAssembler:
     """Assembler of worlds of one scene's true rig, in the frame in which the camera is fixed.
 
-    `look` numbers the random patterns of surfaces that do not move, `world` those of surfaces that
-    do, and `dirt` those of the beam's grime; each is 0 for all frames if they have the same ones.
+    The random patterns of surfaces are numbered: `static_pattern_id` is that of surfaces that do
+    not move, `moving_pattern_id` that of surfaces that do, and `grime_id` that of the beam's grime;
+    each is 0 if all frames have the same pattern.
     Ground and clutter are those of `still_scene`, by default the scene itself: frames that share
     them may have other objects.
     """
@@ -54,9 +55,9 @@ class SceneAssembler:
     scene: Scene
     rig: TrueRig
     folder: Path
-    look: int = 0
-    world: int = 0
-    dirt: int = 0
+    static_pattern_id: int = 0
+    moving_pattern_id: int = 0
+    grime_id: int = 0
     still_scene: Scene | None = None
 
     def rest(self, experiment: Experiment) -> World:
@@ -192,7 +193,7 @@ class SceneAssembler:
 
     @cached_property
     def _ground(self) -> Ground:
-        return Ground(self.still_scene or self.scene, self.rig, self.folder, self.look)
+        return Ground(self.still_scene or self.scene, self.rig, self.folder, self.static_pattern_id)
 
     @cached_property
     def _clutter(self) -> list[tuple[str, Surface]]:
@@ -200,13 +201,15 @@ class SceneAssembler:
         scene = self.still_scene or self.scene
         if scene.clutter is None:
             return []
-        return list(clutter_surfaces(scene, self.rig, self.folder, self.look))
+        return list(clutter_surfaces(scene, self.rig, self.folder, self.static_pattern_id))
 
     @cached_property
     def _wires(self) -> list[tuple[str, Surface]]:
         """Surface of the wires in the frame of the ground."""
         scene = self.still_scene or self.scene
-        surface = None if scene.wires is None else wires_surface(scene, self.rig, self.look)
+        surface = (
+            None if scene.wires is None else wires_surface(scene, self.rig, self.static_pattern_id)
+        )
         return [] if surface is None else [(WIRES, surface)]
 
     @cached_property
@@ -215,11 +218,11 @@ class SceneAssembler:
 
     @cached_property
     def _object_texture(self) -> Texture | None:
-        return object_texture(self.scene, self.rig, self.folder, self.world)
+        return object_texture(self.scene, self.rig, self.folder, self.moving_pattern_id)
 
     @cached_property
     def _grime(self) -> Texture | None:
-        return beam_texture(self.scene, self.rig, self.dirt)
+        return beam_texture(self.scene, self.rig, self.grime_id)
 
     @cached_property
     def _lights(self) -> list[Emitter]:

@@ -85,14 +85,14 @@ def crossing(
     return None
 
 
-def wires_surface(scene: Scene, rig: TrueRig, look: int = 0) -> Surface | None:
+def wires_surface(scene: Scene, rig: TrueRig, pattern_id: int = 0) -> Surface | None:
     """Build the wires of a scene in the frame of its ground [m]; None if there is no room.
 
-    `look` numbers the random draws.
+    `pattern_id` is the number of the random draws.
     """
     spec = scene.wires
     assert spec is not None
-    random, count = random_generator(scene, "wires", look), spec.count
+    random, count = random_generator(scene, "wires", pattern_id), spec.count
     diameters, lengths = (
         low * (high / low) ** random.uniform(size=count) * MILLIMETRE
         for low, high in (spec.diameter_mm, spec.length_mm)

@@ -11,11 +11,16 @@ import numpy as np
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.units import PERCENT
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.look import Look, look_of, rest_dirt, rest_look
 from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.pushes import PushSolver
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
+from vbaa_bench.assembly.shared_world import (
+    SharedWorld,
+    rest_grime_id,
+    rest_static_pattern_id,
+    shared_world,
+)
 from vbaa_bench.dataset.target import processor
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
@@ -101,9 +106,9 @@ class FrameRenderer:
         activate(self.variant, self.threads)
         self.assembler = SceneAssembler(self.scene, self.rig, self.folder)
         self._knocked = self.rig.knocked(self.scene)
-        self._look: Look | None = None
-        # The static layer rendered last, by its look and by where the image's centre is: the camera
-        # may have been knocked between the rest images and the frames.
+        self._last_world: SharedWorld | None = None
+        # The static layer rendered last, by its pattern and by where the image's centre is: the
+        # camera may have been knocked between the rest images and the frames.
         self._static_layers: dict[tuple[int, float, float], StaticLayer] = {}
         self.pushes = PushSolver(self.scene, self.rig, self.folder)
 
@@ -112,12 +117,19 @@ class FrameRenderer:
         if not self.scene.random_keys:
             return self._rest_world
         scene = rest_scene(self.scene, number)
-        look = rest_look(self.scene, number)
+        pattern_id = rest_static_pattern_id(self.scene, number)
         # What does not move must not depend on the object that was drawn for this image.
-        still_scene = None if look else self.scene
-        dirt = rest_dirt(self.scene, number)
+        still_scene = None if pattern_id else self.scene
+        grime_id = rest_grime_id(self.scene, number)
         return self._at_rest(
-            SceneAssembler(scene, self.rig, self.folder, look, dirt=dirt, still_scene=still_scene)
+            SceneAssembler(
+                scene,
+                self.rig,
+                self.folder,
+                pattern_id,
+                grime_id=grime_id,
+                still_scene=still_scene,
+            )
         )
 
     @cached_property
@@ -135,9 +147,11 @@ class FrameRenderer:
         return Pose(experiment, spec, states[spec.step])
 
     def pushed_world(self, pose: Pose) -> World:
-        """Return the world in a pose; while the looks are the same, only its vertices are moved."""
-        self._look = look_of(self.scene, self._knocked, self.folder, pose.spec, self._look)
-        return self._look.posed_world(pose)
+        """Return the world in a pose; while the draws are the same, only its vertices are moved."""
+        self._last_world = shared_world(
+            self.scene, self._knocked, self.folder, pose.spec, self._last_world
+        )
+        return self._last_world.posed_world(pose)
 
     def measure_exposure(self) -> float:
         """Meter the exposure on the brightest hundredth of the resting beam.
@@ -207,8 +221,8 @@ class FrameRenderer:
         """Render one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
         target = self._noise_target(self.sensor(exposure).noise_sigma)
-        world, look = self.rest_world(number), rest_look(self.scene, number)
-        static = None if look else self._static_layer(world, look, exposure)
+        world, pattern_id = self.rest_world(number), rest_static_pattern_id(self.scene, number)
+        static = None if pattern_id else self._static_layer(world, pattern_id, exposure)
         rendered = render_frame(world, static, target, seed)
         lit = self._exposed([rendered], "rest sensor", number)
         return self._expose(lit, exposure, "rest sensor", number)
@@ -255,22 +269,22 @@ class FrameRenderer:
 
     def _shared_layer(self, world: World, exposure: float) -> StaticLayer | None:
         """Return the static layer of a frame; None if no other frame shares it."""
-        assert self._look is not None
-        if not self._look.shared:
+        assert self._last_world is not None
+        if not self._last_world.shared:
             return None
-        return self._static_layer(world, self._look.number, exposure)
+        return self._static_layer(world, self._last_world.static_pattern_id, exposure)
 
-    def _static_layer(self, world: World, look: int, exposure: float) -> StaticLayer | None:
-        """Return the static layer of a look; None if only whole images are rendered.
+    def _static_layer(self, world: World, pattern_id: int, exposure: float) -> StaticLayer | None:
+        """Return the static layer of a pattern; None if only whole images are rendered.
 
         It has the noise for light level 1, whatever the level of the first frame.
         """
         if is_scalar() or not self.scene.render.static_layer:
             return None
-        key = look, world.camera.cx, world.camera.cy
+        key = pattern_id, world.camera.cx, world.camera.cy
         if key not in self._static_layers:
             target = self._noise_target(self.sensor(exposure).noise_sigma)
-            seed = render_seed(self.scene, "plate", look)
+            seed = render_seed(self.scene, "plate", pattern_id)
             self._static_layers = {key: render_static_layer(world, target, seed)}
         return self._static_layers[key]
 

@@ -13,8 +13,8 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.look import draws_new_dirt
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
+from vbaa_bench.assembly.shared_world import draws_new_grime
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import camera_parameters
 from vbaa_bench.limits.dirt import Dirt, information_through_dirt
@@ -168,7 +168,7 @@ class RigInformation:
             return noise.variance(radiance) / images
 
         length_px = float(np.linalg.norm(np.diff(imaged.pixels, axis=0), axis=1).sum())
-        dirt = lit.dirt if draws_new_dirt(self.scene) else None
+        dirt = lit.dirt if draws_new_grime(self.scene) else None
         known = np.array([_seen(surface, variance, dirt, length_px) for surface in surfaces])
         flat = known.reshape(len(at), -1)
         of_places = np.column_stack([np.interp(FRACTIONS[1:-1], at, column) for column in flat.T])

@@ -1,4 +1,4 @@
-"""Worlds that frames share: how often a scene with random keys needs new ones."""
+"""Cache of Mitsuba scenes for frames with equal draws."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,17 +22,17 @@ _OF_REST_IMAGES: Final = 2**40
 
 
 @dataclass
-class Look:
-    """Everything that frames with the same drawn values share, built when it is first used.
+class SharedWorld:
+    """World of frames with equal draws, built when it is first used.
 
-    Frames whose `world_number` is the same share a world, whose vertices are moved. Those whose
-    `number` is the same share the light and all surfaces that do not move. `shared` says whether
-    several frames do.
+    Frames with the same `moving_pattern_id` share the world, whose vertices are moved. Frames with
+    the same `static_pattern_id` have the same light and the same surfaces that do not move;
+    `shared` states whether there may be several of them.
     """
 
     assembler: SceneAssembler
-    number: int
-    world_number: int
+    static_pattern_id: int
+    moving_pattern_id: int
     shared: bool
     world: World | None = None
 
@@ -46,20 +46,25 @@ class Look:
         return self.world
 
 
-def look_of(scene: Scene, rig: TrueRig, folder: Path, spec: FrameSpec, last: Look | None) -> Look:
-    """Return the look of a frame: the `last` one, if it is the same, or a new one."""
+def shared_world(
+    scene: Scene, rig: TrueRig, folder: Path, spec: FrameSpec, last: SharedWorld | None
+) -> SharedWorld:
+    """Return the world of a frame: the `last` one, if its draws are equal, or a new one."""
     numbers: dict[Level, int] = {"rig": 0, "push": 1 + spec.push_number, "frame": 1 + spec.index}
     level = _level(scene, _MOVING)
-    number, world_number = numbers[level], numbers[_level(scene, _POSE)]
-    if last is not None and (last.number, last.world_number) == (number, world_number):
+    static_id, moving_id = numbers[level], numbers[_level(scene, _POSE)]
+    if last is not None and (last.static_pattern_id, last.moving_pattern_id) == (
+        static_id,
+        moving_id,
+    ):
         return last
     steps = len(spec.push.targets)
     shared = level == "rig" or (level == "push" and steps > 1)
     # Surfaces that frames share must not depend on which of them is rendered first.
     still_scene = scene if level == "rig" else spec.scene
-    dirt = numbers[_level_of_dirt(scene)]
-    assembler = SceneAssembler(spec.scene, rig, folder, number, world_number, dirt, still_scene)
-    return Look(assembler, number, world_number, shared)
+    grime_id = numbers[_grime_level(scene)]
+    assembler = SceneAssembler(spec.scene, rig, folder, static_id, moving_id, grime_id, still_scene)
+    return SharedWorld(assembler, static_id, moving_id, shared)
 
 
 def _level(scene: Scene, without: set[str]) -> Level:
@@ -67,8 +72,8 @@ def _level(scene: Scene, without: set[str]) -> Level:
     return _finest(key for key in scene.random_keys if key.key.split(".")[0] not in without)
 
 
-def _level_of_dirt(scene: Scene) -> Level:
-    """Return the level at which the beam gets a new pattern of dirt: that of its random keys."""
+def _grime_level(scene: Scene) -> Level:
+    """Return the level at which the beam gets a new pattern of grime: that of its random keys."""
     return _finest(key for key in scene.random_keys if key.key.startswith("beam.grime"))
 
 
@@ -77,16 +82,16 @@ def _finest(keys: Iterable[RandomKey]) -> Level:
     return max((key.per for key in keys), key=LEVELS.index, default="rig")
 
 
-def draws_new_dirt(scene: Scene) -> bool:
-    """Test whether frames have other patterns of dirt than the rest images."""
-    return _level_of_dirt(scene) != "rig"
+def draws_new_grime(scene: Scene) -> bool:
+    """Test whether frames have other patterns of grime than the rest images."""
+    return _grime_level(scene) != "rig"
 
 
-def rest_dirt(scene: Scene, number: int) -> int:
-    """Return the number of the pattern of dirt in a rest image; 0 if all images have the same."""
-    return _OF_REST_IMAGES + number if draws_new_dirt(scene) else 0
+def rest_grime_id(scene: Scene, number: int) -> int:
+    """Number the pattern of grime in a rest image; 0 if all images have the same."""
+    return _OF_REST_IMAGES + number if draws_new_grime(scene) else 0
 
 
-def rest_look(scene: Scene, number: int) -> int:
-    """Return the number of the look of a rest image; 0 if all images have the same."""
+def rest_static_pattern_id(scene: Scene, number: int) -> int:
+    """Number the pattern of the surfaces that do not move in a rest image; 0 if all are equal."""
     return 0 if _level(scene, _MOVING) == "rig" else _OF_REST_IMAGES + number

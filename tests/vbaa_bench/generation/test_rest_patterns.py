@@ -8,8 +8,8 @@ import pytest
 from solver.instrument.arrays import Floats
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.clutter import CLUTTER
-from vbaa_bench.assembly.look import Look, look_of, rest_dirt
 from vbaa_bench.assembly.plan import plan
+from vbaa_bench.assembly.shared_world import SharedWorld, rest_grime_id, shared_world
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
@@ -53,12 +53,12 @@ def test_a_beam_has_the_same_dirt_at_rest_as_in_frames(tmp_path: Path, per: str)
     path.write_text(SMALL_SCENE + EXTRA + dirt, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    patterns = [rest_dirt(file.scene, number) for number in range(2)]
-    look: Look | None = None
+    patterns = [rest_grime_id(file.scene, number) for number in range(2)]
+    last: SharedWorld | None = None
     specs = work.frame_specs[: file.scene.frames_per_shard]
     for spec in specs:
-        look = look_of(file.scene, work.rig, tmp_path, spec, look)
-        patterns.append(look.assembler.dirt)
+        last = shared_world(file.scene, work.rig, tmp_path, spec, last)
+        patterns.append(last.assembler.grime_id)
     pushes = {spec.push_id for spec in specs}
     count = {"rig": 1, "push": 2 + len(pushes), "frame": 2 + len(specs)}
     assert len(set(patterns)) == count[per]
