@@ -45,7 +45,7 @@ class BeamMesher:
             s = np.append(s[:-1] * (1 - end.before_end[0] / s[-1]), s[-1] - end.before_end)
         points = CubicSpline(line[:, 0], line[:, 1:])(s)
         directors = None if director is None else CubicSpline(line[:, 0], director)(s)
-        if spec.section == "strip":
+        if spec.section_shape.is_flat:
             assert directors is not None
             width = spec.aspect_ratio * beam.diameter
             mesh = strip(points, directors, beam.diameter, width, caps_apart=True)
@@ -62,7 +62,7 @@ class BeamMesher:
 
     def around(self, arc_length: Floats) -> Floats:
         """Return the place around the beam of a mesh's vertices, for textures."""
-        facets = 4 if self.scene.beam.section == "strip" else self._facets
+        facets = 4 if self.scene.beam.section_shape.is_flat else self._facets
         return around_of_vertices((len(arc_length) - 2) // facets - 2, facets)
 
     @cached_property

@@ -81,31 +81,22 @@ def _room(scene: Scene, spec: ClutterSpec, rig: TrueRig, folder: Path) -> Room:
     near, far = 0.0, length + float(np.linalg.norm(axis))
     distances = _contact_distances(scene)
     if spec.under_beam and distances is not None:
-        near, far = (
-            max(distances[0] - half_width, 0.0),
-            distances[1] + half_width,
-        )
+        near, far = max(distances[0] - half_width, 0.0), distances[1] + half_width
     flange = 0.0 if scene.clamp is None else scene.clamp.flange_radius_mm
     hub = max(scene.hub.radius_mm, flange) * mm
     taken = (Sector(axis, (near, far), angles), Sector(axis, (0.0, hub), (-np.pi, np.pi)))
-    edge = None
-    if scene.background.edge is not None:
-        azimuth = scene.background.edge.azimuth_deg * DEGREE
-        normal = np.array([np.cos(azimuth), np.sin(azimuth)])
-        middle = np.array([length / 2, 0.0])
-        distance = scene.background.edge.distance_mm * mm + float(normal @ middle)
-        edge = np.array([*normal, distance])
-    return Room(low, high, taken, depth, edge)
+    edge = scene.background.edge
+    line = None if edge is None else edge.line(np.array([length / 2, 0.0]))
+    return Room(low, high, taken, depth, line)
 
 
 def _swept_angles(scene: Scene) -> tuple[float, float]:
     """Bound the angles [rad] about the motor's axis at which beam and object are, on the ground."""
-    pushes = scene.pushes or scene.sampling
-    assert pushes is not None
+    pushes = scene.push_keys
     turns = getattr(pushes, "pushing_angle_deg", None) or (0.0,)
     deflections = pushes.deflection_pct or (0.0,)
     most = math.asin(min(max(deflections) * PERCENT, 1.0))
-    low = min(0.0, *turns) * DEGREE if len(turns) > 1 else min(0.0, turns[0]) * DEGREE
+    low = min(0.0, *turns) * DEGREE
     high = max(max(turns) * DEGREE, _ANGLE_OVER_DEFLECTION * most)
     if scene.background.fixed_to == "antenna":
         return low, high
@@ -115,9 +106,7 @@ def _swept_angles(scene: Scene) -> tuple[float, float]:
 
 def _contact_distances(scene: Scene) -> tuple[float, float] | None:
     """Return the smallest and largest contact distance [m]; None against a wall."""
-    pushes = scene.pushes or scene.sampling
-    assert pushes is not None
-    distances = pushes.contact_distance_mm
+    distances = scene.push_keys.contact_distance_mm
     return None if distances is None else (min(distances) * MILLIMETRE, max(distances) * MILLIMETRE)
 
 

@@ -45,13 +45,13 @@ class Experiment:
     def rod(self) -> Rod:
         """The beam with the scene's section, taper, weight, bow and extensibility."""
         spec, beam = self.scene.beam, self.rig.beam
-        strip = spec.section == "strip"
-        area = (4.0 if strip else np.pi) * beam.radius**2 * spec.aspect_ratio
+        section = spec.section_shape
+        area = 4 * section.fill * beam.radius**2 * spec.aspect_ratio
         linear_density = spec.density_kg_m3 * area
         x, y, z = self.push.gravity
         return Rod(
             beam,
-            shape="rectangle" if strip else "ellipse",
+            shape=section.rod_shape,
             aspect_ratio=spec.aspect_ratio,
             section_angle=spec.section_angle_deg * DEGREE,
             tip_ratio=spec.tip_ratio,
@@ -115,7 +115,7 @@ class Experiment:
             return HUNG
         scene, first = self.scene, self.obstacles[0]
         upright_edge = isinstance(first.surface, Line) and self.push.normal == 0
-        drifts = any(getattr(scene.object, "drift_mm", ()))
+        drifts = any(scene.object.drift())
         beside = any(scene.clamp_offset_mm) or self.rig.grip
         simple = not (first.friction or drifts or scene.second_peg or beside)
         return PLANAR if self.rod.plain and upright_edge and simple else SPATIAL
@@ -205,7 +205,7 @@ class Experiment:
     @cached_property
     def steps(self) -> list[Step]:
         """The targets of the push, with the object's drift at each."""
-        x, y, z = (v * MILLIMETRE for v in getattr(self.scene.object, "drift_mm", (0, 0, 0)))
+        x, y, z = self.scene.object.drift()
         return [
             Step(target.pushing_angle, target.deflection, (i * x, i * y, i * z))
             for i, target in enumerate(self.push.targets)
@@ -276,13 +276,12 @@ class Experiment:
             point, tangent = self._resting_at(self.push.contact_distance or 0.0)
         offset = self.rod.reach(self.push.contact_distance or 0.0, self.push.normal)
         pose = _placed(point, tangent, self.push.normal, offset)
-        friction = getattr(spec, "friction", 0.0)
         return Obstacle(
             spec.surface(self.object_setting),
             pose,
             compliance=self.push.compliance,
             spring=pose[:3, 1],
-            friction=friction,
+            friction=spec.friction_coefficient(),
         )
 
     def _resting_at(self, s: float) -> tuple[Floats, Floats]:

@@ -118,7 +118,7 @@ class SceneAssembler:
         beam = replace(
             beam,
             arc_length=s,
-            smooth=spec.section != "strip",
+            smooth=not spec.section_shape.is_flat,
             oblique_tip=TIPS[spec.tip].oblique,
         )
         if spec.grime is not None:
@@ -277,8 +277,7 @@ class SceneAssembler:
     @property
     def unit(self) -> RenderUnit:
         """Unit and origin of render coordinates."""
-        beam = self.rig.beam
-        return RenderUnit(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
+        return RenderUnit.of(self.rig.beam)
 
 
 def _placed(mesh: trimesh.Trimesh, transform: Floats) -> trimesh.Trimesh:

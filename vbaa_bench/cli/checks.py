@@ -106,7 +106,7 @@ def doctor(
     diagnosis = checks.diagnose()
     table = Table("variant", "works", "message")
     for probe in diagnosis.probes:
-        table.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
+        table.add_row(probe.variant, "yes" if probe.works else "no", probe.message)
     if as_json:
         print_result(diagnosis.record(), "", True)
     else:

@@ -44,7 +44,7 @@ class Diagnosis:
     def record(self) -> dict[str, Any]:
         """Convert the diagnosis to a record for scripts."""
         return {
-            "variants": {p.variant: {"works": p.works, "said": p.said} for p in self.probes},
+            "variants": {p.variant: {"works": p.works, "said": p.message} for p in self.probes},
             "healthy": self.healthy,
             "advice": self.advice,
             "versions": versions(),

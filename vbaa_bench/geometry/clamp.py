@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.geometry.mesh import Mesh
-from vbaa_bench.geometry.solids import arc, box, lofted, prism, rod, together, turned
+from vbaa_bench.geometry.solids import arc, box, hexagon, lofted, prism, rod, together, turned
 from vbaa_bench.geometry.tube import tube
 
 _SIDES = 60
@@ -51,11 +51,10 @@ def jaw(length: float, width: float, height: float, beam_diameter: float) -> Mes
 
 def screw(radius: float, middle: Floats) -> Mesh:
     """Mesh the head of a socket screw, upright, whose underside is about `middle` (3,)."""
-    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
-    hexagon = _SOCKET * radius / np.cos((angle + np.pi / 6) % (np.pi / 3) - np.pi / 6)
+    socket = hexagon(_SOCKET * radius, _SIDES)
     circle, top = np.full(_SIDES, radius), _HEAD_HEIGHT * radius
     bevel = _BEVEL * radius
-    radii = np.array([circle, circle, circle - bevel, hexagon, hexagon])
+    radii = np.array([circle, circle, circle - bevel, socket, socket])
     depth = _SOCKET_DEPTH * radius
     head = turned(radii, np.array([0.0, top - bevel, top, top, top - depth]))
     head.apply_translation(middle)

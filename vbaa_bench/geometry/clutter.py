@@ -1,14 +1,19 @@
 """Simple things that lie on the ground. Lengths are [m]."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
-import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, turn_about_z
-from vbaa_bench.geometry.solids import box, turned
+from vbaa_bench.geometry.mesh import Mesh
+from vbaa_bench.geometry.solids import box, hexagon, turned
 from vbaa_bench.geometry.tube import tube
+
+# Kinds of things; each has its shape in `_SHAPES`.
+Thing = Literal["box", "disc", "nut", "rod", "screwdriver", "cable"]
 
 _SIDES = 48
 _CABLE_POINTS, _CABLE_SIDES = 80, 16
@@ -77,7 +82,7 @@ def places(room: Room, radii: Floats, random: np.random.Generator) -> Floats:
     return drawn
 
 
-def thing(kind: str, size: float, height: float, random: np.random.Generator) -> trimesh.Trimesh:
+def thing(kind: Thing, size: float, height: float, random: np.random.Generator) -> Mesh:
     """Mesh a thing whose largest side is about `size`, lying on z = 0 about the origin.
 
     It has a random heading and proportions, and is shrunk if it is higher than `height`.
@@ -89,13 +94,13 @@ def thing(kind: str, size: float, height: float, random: np.random.Generator) ->
     return mesh
 
 
-def _box(size: float, random: np.random.Generator) -> trimesh.Trimesh:
+def _box(size: float, random: np.random.Generator) -> Mesh:
     half = size / 2 * np.array([1.0, random.uniform(0.3, 1.0), 0.0])
     top = np.array([0.0, 0.0, size * random.uniform(0.1, 0.4)])
     return box(-half, half + top)
 
 
-def _disc(size: float, random: np.random.Generator) -> trimesh.Trimesh:
+def _disc(size: float, random: np.random.Generator) -> Mesh:
     """Mesh a disc with a knob, as of a weight."""
     height, knob = size * random.uniform(0.1, 0.3), random.uniform(0.15, 0.6)
     bevel = 0.05 * size
@@ -104,31 +109,29 @@ def _disc(size: float, random: np.random.Generator) -> trimesh.Trimesh:
     return turned(radii[:, None] * np.ones(_SIDES), heights)
 
 
-def _nut(size: float, random: np.random.Generator) -> trimesh.Trimesh:
+def _nut(size: float, random: np.random.Generator) -> Mesh:
     """Mesh a hexagonal nut; the bottom of its hole is closed."""
-    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
     apothem, height = size / 2 * np.cos(np.pi / 6), size * random.uniform(0.3, 0.45)
-    hexagon = apothem / np.cos((angle + np.pi / 6) % (np.pi / 3) - np.pi / 6)
-    hole = np.full(_SIDES, 0.26 * size)
-    radii = np.array([hexagon, hexagon, np.minimum(hexagon, 0.96 * apothem), hole, hole])
+    outer, hole = hexagon(apothem, _SIDES), np.full(_SIDES, 0.26 * size)
+    radii = np.array([outer, outer, np.minimum(outer, 0.96 * apothem), hole, hole])
     heights = np.array([0.0, 0.93, 1.0, 1.0, 0.05]) * height
     return turned(radii, heights)
 
 
-def _rod(size: float, random: np.random.Generator) -> trimesh.Trimesh:
+def _rod(size: float, random: np.random.Generator) -> Mesh:
     """Mesh a pencil."""
     radius = size * random.uniform(0.025, 0.06)
     return _lying(np.array([1.0, 1.0, 0.15]) * radius, np.array([0.0, 0.88, 1.0]) * size)
 
 
-def _screwdriver(size: float, random: np.random.Generator) -> trimesh.Trimesh:
+def _screwdriver(size: float, random: np.random.Generator) -> Mesh:
     grip = size * random.uniform(0.06, 0.1)
     share = np.array([0.7, 1.0, 1.0, 0.8, 1.0, 0.6, 0.28, 0.28, 0.36, 0.36])
     along = np.array([0.0, 0.03, 0.25, 0.3, 0.35, 0.4, 0.41, 0.93, 0.95, 1.0])
     return _lying(grip * share, along * size)
 
 
-def _lying(radii: Floats, along: Floats) -> trimesh.Trimesh:
+def _lying(radii: Floats, along: Floats) -> Mesh:
     """Mesh a turned body on its side, along x about the origin, lying on z = 0."""
     body = turned(radii[:, None] * np.ones(_SIDES), along - along.mean())
     # The axes z, x, y of the turned body become x, y, z.
@@ -136,7 +139,7 @@ def _lying(radii: Floats, along: Floats) -> trimesh.Trimesh:
     return body
 
 
-def _cable(size: float, random: np.random.Generator) -> trimesh.Trimesh:
+def _cable(size: float, random: np.random.Generator) -> Mesh:
     """Mesh a cable in loose bends."""
     t = np.linspace(0, 2 * np.pi, _CABLE_POINTS)
     heading = sum(
@@ -151,7 +154,7 @@ def _cable(size: float, random: np.random.Generator) -> trimesh.Trimesh:
     return tube(line + np.array([0.0, 0.0, radius]), radius, _CABLE_SIDES)
 
 
-_SHAPES = {
+_SHAPES: Final[Mapping[Thing, Callable[[float, np.random.Generator], Mesh]]] = {
     "box": _box,
     "disc": _disc,
     "nut": _nut,

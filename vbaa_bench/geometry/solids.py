@@ -17,7 +17,7 @@ MAX_SIDES = 2048
 def sides(radius: float, least: int = 128) -> int:
     """Compute the number of sides of the polygon for a circle of `radius` [m], a multiple of four.
 
-    Its sides are within SAGITTA of the circle, radius (1 - cos(pi / n)), up to MOST_SIDES.
+    Its sides are within SAGITTA of the circle, radius (1 - cos(pi / n)), up to MAX_SIDES.
     """
     needed = np.pi * np.sqrt(radius / (2 * SAGITTA))
     return min(4 * int(np.ceil(max(needed, least) / 4)), MAX_SIDES)
@@ -29,6 +29,12 @@ def arc(radius: float, angle: Floats) -> Floats:
     The angle (n,) [rad] at the circle's centre is measured from the origin anticlockwise.
     """
     return np.column_stack([-radius * np.sin(angle), radius * (np.cos(angle) - 1)])
+
+
+def hexagon(apothem: float, count: int) -> Floats:
+    """Compute the radii (count,) of a regular hexagon at equal steps of the angle about it."""
+    angle = 2 * np.pi * np.arange(count) / count
+    return np.asarray(apothem / np.cos((angle + np.pi / 6) % (np.pi / 3) - np.pi / 6))
 
 
 def prism(outline: Floats, bottom: float, top: float) -> Mesh:

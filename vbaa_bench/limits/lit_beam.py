@@ -163,9 +163,7 @@ class LitBeam:
 
     @cached_property
     def _reflection(self) -> Reflection:
-        beam = self.rig.beam
-        unit = RenderUnit(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
-        return Reflection(self._lights, unit.render_from_antenna)
+        return Reflection(self._lights, RenderUnit.of(self.rig.beam).render_from_antenna)
 
 
 def _to_camera(camera: Camera, points: Floats) -> Floats:

@@ -79,9 +79,9 @@ def _trace_centres(world: World, columns: np.ndarray, rows: np.ndarray, still: b
         return _one_by_one(world, columns, rows, still)
     column, row = (mi.Float(mi.UInt32(values.astype(np.uint32))) for values in (columns, rows))
     centres = partial(_centres, world, still=True) if still else world.replayed(_centres)
-    found = centres(column, row)
-    dr.eval(found)  # all in one kernel
-    index, p, uv, facing, beam, hidden = found
+    centre_layers = centres(column, row)
+    dr.eval(centre_layers)  # all in one kernel
+    index, p, uv, facing, beam, hidden = centre_layers
     indices = np.asarray(index)
     # One coordinate after the other: Dr.Jit would compile a kernel anew to interleave them.
     points = np.stack([np.asarray(axis) for axis in p], axis=-1)
@@ -110,10 +110,9 @@ def _centres(world: World, column: Any, row: Any, still: bool = False) -> tuple[
     facing = dr.select(si.is_valid(), towards, mi.Normal3f(0))
     beam = mi.Bool(False)
     hidden = mi.Bool(False)
-    if "beam" in world.names and not still:
-        number = world.names.index("beam") + 1
-        beam = index == number
-        hidden = _behind(world, ray, si, beam, number)
+    if world.beam_index is not None and not still:
+        beam = index == world.beam_index
+        hidden = _behind(world, ray, si, beam, world.beam_index)
     return index, si.p, si.uv, facing, beam, hidden
 
 
@@ -128,7 +127,7 @@ def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool
         hits.append((world.scalar_index(si, still=still), *si.p, *normal, si.uv.x))
     index, *values = np.array(hits).T
     points, normals, uv = np.array(values[:3]).T, np.array(values[3:6]).T, values[6]
-    beam = index == (world.names.index("beam") + 1 if "beam" in world.names else -1)
+    beam = index == (-1 if world.beam_index is None else world.beam_index)
     return Layers(
         object_index=index.astype(np.uint32),
         depth_mm=np.where(index > 0, 1e3 * _depth(world, points), 0).astype(np.float32),

@@ -68,7 +68,7 @@ class SampleTable:
         return np.asarray(predicted * self.factors[kind, _rows(predicted)])
 
     def refined(self, sampled: Sampled) -> Self:
-        """Scale the factors by what pixels that were sampled with this table show."""
+        """Scale the factors by the excess variance of pixels that were sampled with this table."""
         cell = sampled.kind.astype(np.intp) * _ROWS + _rows(sampled.predicted)
         count = np.bincount(cell, minlength=self.factors.size)
         total = np.bincount(cell, sampled.excess, minlength=self.factors.size)

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
+from solver.instrument.beam import Beam
 from vbaa_bench.geometry.textures import Texture
 from vbaa_bench.geometry.tube import normals
 from vbaa_bench.render.device_array import device_array
@@ -24,6 +25,11 @@ class RenderUnit:
     unit: float
     origin: Floats
 
+    @classmethod
+    def of(cls, beam: Beam) -> "RenderUnit":
+        """Return the unit in which a beam is rendered: its radius, about its middle."""
+        return cls(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
+
     @property
     def render_from_antenna(self) -> Floats:
         """The similarity as a matrix (4, 4)."""
@@ -38,7 +44,7 @@ class RenderUnit:
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh (in Sigma_a, metres) and its paint; see render/materials.py.
+    """A mesh (in Sigma_a, metres) and its paint; see scene/paint.py.
 
     Only the beam has an `arc_length` (vertices,) [m]; with a texture it also has the place
     `around` (vertices,) it, from 0 to 1. A `smooth` beam is a tube, shaded as the smooth surface

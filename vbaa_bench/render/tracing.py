@@ -51,7 +51,7 @@ def trace(
     pixels: np.ndarray,
     set_size: np.ndarray,
     seed: int,
-    asked: Quantity,
+    quantity: Quantity,
     sets: int = SETS,
 ) -> Traced:
     """Estimate the mean radiance over the area of each of `pixels` (n, 2), integer (column, row).
@@ -62,10 +62,10 @@ def trace(
     samples.
     """
     if is_scalar():
-        return _films(world, pixels, int(set_size.max(initial=1)), seed, asked)
+        return _films(world, pixels, int(set_size.max(initial=1)), seed, quantity)
     batch = LARGEST_WAVEFRONT // sets
     parts = [
-        _wavefront(world, pixels[i : i + batch], set_size[i : i + batch], seed, asked, sets)
+        _wavefront(world, pixels[i : i + batch], set_size[i : i + batch], seed, quantity, sets)
         for i in range(0, len(pixels), batch)
     ]
     value, coverage = np.concatenate(parts, axis=2) if parts else np.empty((2, sets, 0))
@@ -260,9 +260,9 @@ def _reflected_change(world: World, si: Any, behind: Any, shifts: list[Any], cou
 
 def _cover(world: World, si: Any) -> Any:
     """Return 1 where the beam is met, else 0."""
-    if "beam" not in world.names:
+    if world.beam_index is None:
         return dr.zeros(mi.Float, dr.width(si.t))
-    return dr.select(world.index_of(si) == world.names.index("beam") + 1, mi.Float(1), 0)
+    return dr.select(world.index_of(si) == world.beam_index, mi.Float(1), 0)
 
 
 _ESTIMATES = {"whole": _whole, "beam": _beam, "still": _still, "change": _change}

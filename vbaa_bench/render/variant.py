@@ -48,11 +48,11 @@ _ILLEGAL: Final = -4
 
 @dataclass(frozen=True)
 class Probe:
-    """Result of rendering with a variant in a child process; `said` is the version or the error."""
+    """Result of rendering with a variant in a child process: the version, or the error."""
 
     variant: str
     works: bool
-    said: str
+    message: str
 
 
 def probe(variant: str) -> Probe:
@@ -147,17 +147,19 @@ def is_scalar() -> bool:
     return str(mitsuba.variant()).startswith("scalar")
 
 
-def choose(asked: str | None = None) -> str:
+def choose(requested: str | None = None) -> str:
     """Choose the variant to render with: the requested one, else the first of FAST, PLAIN to work.
 
     Raises InputError if the requested variant does not work here, or none does.
     """
-    if asked is not None and asked not in VARIANTS:
-        raise InputError(f"variant '{asked}' is unknown, allowed is one of {', '.join(VARIANTS)}")
+    if requested is not None and requested not in VARIANTS:
+        raise InputError(
+            f"variant '{requested}' is unknown, allowed is one of {', '.join(VARIANTS)}"
+        )
     failures = []
-    for variant in [asked] if asked else [FAST, PLAIN]:
+    for variant in [requested] if requested else [FAST, PLAIN]:
         result = probe(variant)
         if result.works:
             return variant
-        failures.append(f"{variant} does not work here: {result.said}")
+        failures.append(f"{variant} does not work here: {result.message}")
     raise InputError(". ".join([*failures, ADVICE]))

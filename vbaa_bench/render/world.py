@@ -126,6 +126,11 @@ class World:
         )
 
     @property
+    def beam_index(self) -> int | None:
+        """Index of the beam in the truth layers; None without a beam."""
+        return self.names.index("beam") + 1 if "beam" in self.names else None
+
+    @property
     def blur_px(self) -> int:
         """Largest distance [px] by which the lens blurs a moving surface."""
         pose = self.camera.camera_from_antenna[2]

@@ -81,6 +81,15 @@ class EdgeSpec(Part):
     side_reflectance: Fraction = Field(default=0.2, description="Reflectance of the ground's side.")
     floor_reflectance: Fraction = Field(default=0.12, description="Reflectance of the floor.")
 
+    def line(self, middle: Floats) -> Floats:
+        """Return the unit normal and the distance (3,) [m] from the origin of the edge.
+
+        `middle` (2,) [m] is the place below the beam's middle.
+        """
+        azimuth = self.azimuth_deg * DEGREE
+        normal = np.array([np.cos(azimuth), np.sin(azimuth)])
+        return np.array([*normal, self.distance_mm * MILLIMETRE + float(normal @ middle)])
+
     def top(self, middle: Floats, side: float) -> Mesh:
         """Mesh a sheet of the given side [m] about `middle` (3,) [m], up to the edge."""
         azimuth, distance = self.azimuth_deg * DEGREE, self.distance_mm * MILLIMETRE

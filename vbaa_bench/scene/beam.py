@@ -1,13 +1,46 @@
 """Beam of a scene, and the stated accuracy of its rig."""
 
-from typing import Annotated, Literal
+import math
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
+from solver.instrument.beam import circular_rigidity
 from solver.instrument.rig import MAX_SHIFT_PX
 from vbaa_bench.geometry.tip import Tip
 from vbaa_bench.scene.paint import GrimeSpec, Paint, PaintedPart
 from vbaa_bench.scene.part import Fraction, Part, Positive, Tilt, Tolerance
+
+
+@dataclass(frozen=True)
+class Section:
+    """Shape of a beam's section, whose width is its thickness times an aspect ratio.
+
+    `fill` is its area over that of the rectangle about it.
+    """
+
+    rod_shape: Literal["ellipse", "rectangle"]
+    fill: float
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is that of a strip, with edges and faces."""
+        return self.rod_shape == "rectangle"
+
+    def rigidity(self, youngs_modulus: float, thickness: float, aspect_ratio: float) -> float:
+        """Compute the rigidity [N m^2] of bending along the thickness [m]."""
+        if self.is_flat:
+            return youngs_modulus * aspect_ratio * thickness**4 / 12
+        return circular_rigidity(youngs_modulus, thickness) * aspect_ratio
+
+
+_ROUND: Final = Section("ellipse", math.pi / 4)
+SECTIONS: Final = {
+    "circular": _ROUND,
+    "elliptic": _ROUND,
+    "strip": Section("rectangle", 1.0),
+}
 
 
 class BeamSpec(PaintedPart):
@@ -78,11 +111,16 @@ class BeamSpec(PaintedPart):
                 f"section {self.section} with aspect_ratio {self.aspect_ratio:g}: allowed is 1 for "
                 "a circular section, any other for an elliptic one or a strip"
             )
-        if self.section == "strip" and self.tip != "flat":
+        if self.section_shape.is_flat and self.tip != "flat":
             raise ValueError(f"tip is {self.tip}, allowed is flat for a strip")
-        if self.section == "strip" and self.aspect_ratio < 2:
+        if self.section_shape.is_flat and self.aspect_ratio < 2:
             raise ValueError(f"aspect_ratio is {self.aspect_ratio:g}, allowed is >= 2 for a strip")
         return self
+
+    @property
+    def section_shape(self) -> Section:
+        """Shape of the section."""
+        return SECTIONS[self.section]
 
 
 class ToleranceSpec(Part):

@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from solver.instrument.board import Charuco, LineNetwork
+from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.distortion import COUNTS, one_to_one
+from solver.instrument.units import MILLIMETRE
 from vbaa_bench.scene.part import NonNegative, Part, Positive, Triple
 
 Shift = Annotated[float, Field(ge=-100, le=100)]
@@ -68,7 +69,7 @@ class CameraSpec(Part):
 
     @model_validator(mode="after")
     def _check_magnification(self) -> "CameraSpec":
-        if (self.projection == "telecentric") != (self.magnification_px_per_mm is not None):
+        if self.is_telecentric != (self.magnification_px_per_mm is not None):
             raise ValueError("magnification_px_per_mm must be given for a telecentric camera only")
         return self
 
@@ -77,7 +78,7 @@ class CameraSpec(Part):
         count = len(self.distortion)
         if count not in COUNTS:
             raise ValueError(f"distortion holds {count} numbers, allowed are 0, 5 or 8")
-        if count and self.projection == "telecentric":
+        if count and self.is_telecentric:
             raise ValueError("distortion is for a perspective camera, a telecentric one has none")
         if not one_to_one(self._border_points(), self.distortion):
             raise ValueError(
@@ -85,6 +86,11 @@ class CameraSpec(Part):
                 "allowed is a one-to-one mapping"
             )
         return self
+
+    @property
+    def is_telecentric(self) -> bool:
+        """Whether it has a magnification in place of a focal length."""
+        return self.projection == "telecentric"
 
     def _border_points(self) -> np.ndarray:
         """Compute points (n, 2) slightly outside the image's border, over the focal length."""
@@ -160,8 +166,15 @@ class CalibrationSpec(Part):
                 f"columns {self.columns} and rows {self.rows}: one must be even and one odd, "
                 "or the board looks the same after a half-turn"
             )
-        if self.target == "charuco":
-            Charuco(self.columns, self.rows, self.square_mm, self.dictionary)
-        if self.line_width_mm is not None:
-            LineNetwork(self.columns, self.rows, self.square_mm, self.line_width_mm)
+        _ = self.board  # raises ValueError if it is impossible
         return self
+
+    @property
+    def board(self) -> Board:
+        """The target."""
+        size = (self.columns, self.rows, self.square_mm * MILLIMETRE)
+        if self.target == "charuco":
+            return Charuco(*size, self.dictionary)
+        if self.line_width_mm is not None:
+            return LineNetwork(*size, self.line_width_mm * MILLIMETRE)
+        return Chessboard(*size)

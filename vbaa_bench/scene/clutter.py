@@ -1,13 +1,11 @@
 """Things that lie about on the ground."""
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, get_args
 
 from pydantic import Field, model_validator
 
-from vbaa_bench.scene.part import Below, Fraction, Part, Positive
-
-Thing = Literal["box", "disc", "nut", "rod", "screwdriver", "cable"]
-THINGS: Final[tuple[Thing, ...]] = ("box", "disc", "nut", "rod", "screwdriver", "cable")
+from vbaa_bench.geometry.clutter import Thing
+from vbaa_bench.scene.part import Below, Fraction, Part, Positive, check_order
 
 
 class ClutterSpec(Part):
@@ -30,7 +28,7 @@ class ClutterSpec(Part):
         default=(0.04, 0.5), description="Range of the reflectance."
     )
     things: Annotated[tuple[Thing, ...], Field(min_length=1)] = Field(
-        default=THINGS, description="Kinds of things of which each is drawn."
+        default=get_args(Thing), description="Kinds of things of which each is drawn."
     )
     top_mm: Below | None = Field(
         default=None,
@@ -44,9 +42,7 @@ class ClutterSpec(Part):
     @model_validator(mode="after")
     def _check_ranges(self) -> "ClutterSpec":
         for name in ("size_mm", "reflectance"):
-            limits = getattr(self, name)
-            if limits[0] > limits[1]:
-                raise ValueError(f"{name} is {list(limits)}, allowed is a range from low to high")
+            check_order(name, getattr(self, name))
         return self
 
     def highest_mm(self, ground_mm: float) -> float:

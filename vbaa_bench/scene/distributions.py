@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter, model_v
 from scipy.special import ndtr, ndtri
 
 from solver.instrument.errors import quoted
-from vbaa_bench.scene.part import Part
+from vbaa_bench.scene.part import Part, check_order
 
 # How often a value is drawn: once per rig, for every push, or for every frame.
 Level = Literal["rig", "push", "frame"]
@@ -30,11 +30,6 @@ class _Distribution(Part):
     )
 
 
-def _check_order(name: str, limits: tuple[float, float]) -> None:
-    if limits[0] > limits[1]:
-        raise ValueError(f"{name} is {list(limits)}, allowed is a range from low to high")
-
-
 class Uniform(_Distribution):
     """Uniform between two limits."""
 
@@ -42,7 +37,7 @@ class Uniform(_Distribution):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _check_order("uniform", self.uniform)
+        check_order("uniform", self.uniform)
         return self
 
     def value(self, unit: float) -> float:
@@ -65,7 +60,7 @@ class LogUniform(_Distribution):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _check_order("log_uniform", self.log_uniform)
+        check_order("log_uniform", self.log_uniform)
         return self
 
     def value(self, unit: float) -> float:
@@ -87,7 +82,7 @@ class Integers(_Distribution):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _check_order("integers", self.integers)
+        check_order("integers", self.integers)
         return self
 
     def value(self, unit: float) -> int:
@@ -109,7 +104,7 @@ class Normal(_Distribution):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _check_order("clip", self.clip)
+        check_order("clip", self.clip)
         # Within 5 sigmas the probability between the limits is well above rounding errors.
         mean, sigma = self.normal
         if not self.clip[0] < mean + 5 * sigma or not self.clip[1] > mean - 5 * sigma:
@@ -220,7 +215,6 @@ Distribution = Annotated[
     | Annotated[From, Tag("from")],
     Discriminator(kind),
 ]
-Scalar = Uniform | LogUniform | Integers | Normal
 SCALARS: Final = (Uniform, LogUniform, Integers, Normal)
 DISTRIBUTIONS: Final = tuple(_TYPES.values())
 ADAPTER: Final[TypeAdapter[Any]] = TypeAdapter(Distribution)

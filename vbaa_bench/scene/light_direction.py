@@ -1,6 +1,6 @@
 """Direction of the light, along and across the beam.
 
-A laboratory knows it from where its lamps stand.
+A laboratory computes it from the positions of its lamps.
 """
 
 import math
@@ -70,7 +70,7 @@ def _sight(scene: Scene, axis: int) -> Sight:
     """Return the direction to the camera, seen from the beam's middle."""
     middle = np.array([scene.beam.length_mm / 2, 0.0, 0.0])
     camera = np.array(scene.camera.position_mm)
-    is_pinhole = scene.camera.projection != "telecentric"
+    is_pinhole = not scene.camera.is_telecentric
     view = camera - (middle if is_pinhole else scene.camera.look_at_mm)
     return Sight(middle, axis, view[axis] / view[2], 1 / camera[2] if is_pinhole else 0.0)
 

@@ -16,6 +16,10 @@ from vbaa_bench.scene.part import Fraction, Part, Positive
 # Matt; painted steel; steel without paint; matt black.
 Paint = Literal["matt", "gloss", "bare", "black"]
 
+# Below, the narrow reflection could not be sampled; above, the surface would lose light between
+# its own slopes.
+Roughness = Annotated[float, Field(ge=0.1, le=0.6)]
+
 # Reflectance of matt black paint.
 _BLACK: Final = 0.03
 # Refractive index and extinction coefficient of iron at 550 nm (Johnson and Christy 1974): its
@@ -120,9 +124,7 @@ class PaintedPart(Part):
     reflectance: Fraction = Field(
         default=0.16, description="Reflectance of matt and gloss paint; others have their own."
     )
-    # Below, the narrow reflection could not be sampled; above, the surface would lose light between
-    # its own slopes.
-    roughness: Annotated[float, Field(ge=0.1, le=0.6)] = Field(
+    roughness: Roughness = Field(
         default=0.3, description="Roughness alpha of the surface of gloss and bare."
     )
 

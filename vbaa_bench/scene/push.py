@@ -8,12 +8,13 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field, model_validator
 
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.scene.part import ONSET, Onset, Part, Positive, Tilt
+from vbaa_bench.scene.part import ONSET, Onset, Part, Positive, Tilt, check_order
 
-# As many as sampling.count allows. Chosen: two days of rendering, a terabyte with all layers.
+# Chosen: two days of rendering, a terabyte with all layers.
 MAX_FRAMES: Final = 1_000_000
 
 Angle = Annotated[float, Field(gt=-60, lt=60)]
+Deflection = Annotated[float, Field(gt=0, lt=60)]
 
 
 class PushSpec(Part):
@@ -29,7 +30,7 @@ class PushSpec(Part):
         description="Contact distances, along the beam at rest; not needed for a wall or "
         "without an object.",
     )
-    deflection_pct: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = Field(
+    deflection_pct: tuple[Deflection, ...] | None = Field(
         default=None,
         description="Steps of a push, as the tip's displacement across the beam over the length.",
     )
@@ -57,11 +58,7 @@ class PushSpec(Part):
 
     @model_validator(mode="after")
     def _check_onset(self) -> "PushSpec":
-        limits = self.motor_angle_at_contact_deg
-        if limits[0] > limits[1]:
-            raise ValueError(
-                f"motor_angle_at_contact_deg is {list(limits)}, allowed is a range from low to high"
-            )
+        check_order("motor_angle_at_contact_deg", self.motor_angle_at_contact_deg)
         return self
 
     @model_validator(mode="after")

@@ -6,16 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.beam import Beam, circular_rigidity
+from solver.instrument.beam import Beam
 from solver.instrument.beam_shape import stated_shape
-from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.gravity import Gravity
 from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.scene.camera import CalibrationSpec
 from vbaa_bench.scene.light_direction import light_across, light_direction
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.schema import Scene
@@ -47,16 +45,13 @@ def nominal_rig(scene: Scene) -> Rig:
     beam, tolerances, target = scene.beam, scene.tolerances, scene.calibration
     moment, force = scene.moment_sensor, scene.force_sensor
     diameter, modulus = beam.diameter_mm * MILLIMETRE, beam.youngs_modulus_gpa * 1e9
-    # Rigidity of bending along the section's thickness.
-    light = light_direction(scene)
-    rigidity = circular_rigidity(modulus, diameter) * beam.aspect_ratio
-    if beam.section == "strip":
-        rigidity = modulus * beam.aspect_ratio * diameter**4 / 12
+    section, light = beam.section_shape, light_direction(scene)
+    rigidity = section.rigidity(modulus, diameter, beam.aspect_ratio)
     sag = _sag(scene, rigidity)
     return Rig(
         beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
         base_position=np.zeros(3),
-        board=_board(target),
+        board=target.board,
         antenna_from_board=rigid(np.zeros(3), np.array([*target.center_mm, 0.0]) * MILLIMETRE),
         deflects_towards=_deflects_towards(scene),
         tolerances=Tolerances(
@@ -69,9 +64,9 @@ def nominal_rig(scene: Scene) -> Rig:
             camera_shift_px=tolerances.camera_shift_px,
             tip=tolerances.tip_mm * MILLIMETRE,
         ),
-        telecentric=scene.camera.projection == "telecentric",
+        telecentric=scene.camera.is_telecentric,
         camera_mount=scene.camera.mount,
-        known_psi=beam.section_angle_deg * DEGREE if beam.section == "strip" else None,
+        known_psi=beam.section_angle_deg * DEGREE if section.is_flat else None,
         sensors=Sensors(
             moment_y=None if moment is None else moment.sigma_n_mm * MILLIMETRE,
             base_force=None if force is None else force.force_sigma_n,
@@ -128,18 +123,9 @@ def true_gravity(scene: Scene) -> tuple[float, float, float]:
 def _sag(scene: Scene, rigidity: float) -> Floats:
     """Compute the tip's sag (3,) [m] under the nominal weight, were it across, by linear theory."""
     beam, diameter = scene.beam, scene.beam.diameter_mm * MILLIMETRE
-    area = diameter**2 * beam.aspect_ratio * (1.0 if beam.section == "strip" else math.pi / 4)
+    area = diameter**2 * beam.aspect_ratio * beam.section_shape.fill
     weight = np.array(scene.gravity_m_s2) * beam.density_kg_m3 * area
     return np.asarray(weight * (beam.length_mm * MILLIMETRE) ** 4 / (8 * rigidity))
-
-
-def _board(target: CalibrationSpec) -> Board:
-    size = (target.columns, target.rows, target.square_mm * MILLIMETRE)
-    if target.target == "charuco":
-        return Charuco(*size, target.dictionary)
-    if target.line_width_mm is not None:
-        return LineNetwork(*size, target.line_width_mm * MILLIMETRE)
-    return Chessboard(*size)
 
 
 def true_rig(scene: Scene) -> TrueRig:
@@ -160,7 +146,7 @@ def true_rig(scene: Scene) -> TrueRig:
             np.array(spec.look_at_mm) * MILLIMETRE,
             spec.roll_deg * DEGREE,
         ),
-        telecentric=spec.projection == "telecentric",
+        telecentric=spec.is_telecentric,
         distortion=spec.distortion,
     )
     if scene.tolerances.true_rig == "nominal":

@@ -8,10 +8,9 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.scene.part import ONSET, Onset, Part, Positive, Tilt
+from vbaa_bench.scene.part import ONSET, Onset, Part, Positive, Tilt, check_order
+from vbaa_bench.scene.push import MAX_FRAMES, Deflection
 from vbaa_bench.scene.unit_values import Draw, unit_value
-
-Percent = Annotated[float, Field(gt=0, lt=60)]
 
 
 class SamplingSpec(Part):
@@ -28,13 +27,13 @@ class SamplingSpec(Part):
         description="How pushes are drawn: sobol fills all axes together evenly, uniform and "
         "log_uniform draw independently, grid has the same number of values on each axis.",
     )
-    count: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+    count: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = Field(
         description="Number of pushes, each of one step."
     )
     contact_distance_mm: tuple[Positive, Positive] = Field(
         description="Range of the contact distance."
     )
-    deflection_pct: tuple[Percent, Percent] = Field(
+    deflection_pct: tuple[Deflection, Deflection] = Field(
         description="Range of the tip's displacement across the beam over the length."
     )
     normal_deg: tuple[Tilt, Tilt] = Field(
@@ -66,8 +65,8 @@ class SamplingSpec(Part):
     def _check_ranges(self) -> "SamplingSpec":
         for name in (*AXES, "motor_angle_at_contact_deg"):
             limits = getattr(self, name)
-            if limits is not None and limits[0] > limits[1]:
-                raise ValueError(f"{name} is {list(limits)}, allowed is a range from low to high")
+            if limits is not None:
+                check_order(name, limits)
         if self.method == "log_uniform" and min(self.normal_deg) < 0:
             raise ValueError(
                 f"normal_deg is {list(self.normal_deg)}, allowed is >= 0 with method log_uniform"

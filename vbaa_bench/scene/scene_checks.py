@@ -154,7 +154,7 @@ def _weight(scene: "Scene") -> None:
 
 
 def _strip(scene: "Scene") -> None:
-    if scene.beam.section != "strip":
+    if not scene.beam.section_shape.is_flat:
         return
     angle = scene.beam.section_angle_deg
     normals = scene.pushes.normal_deg if scene.pushes else ()
@@ -181,8 +181,8 @@ def _motion(scene: "Scene") -> None:
         )
     if rotation and not scene.object.present:
         raise ValueError("motor_speed_deg_s is given, but object.kind is none")
-    history_keys = [name for name in ("friction",) if getattr(scene.object, name, 0)]
-    history_keys += ["drift_mm"] if any(getattr(scene.object, "drift_mm", ())) else []
+    history_keys = ["friction"] if scene.object.friction_coefficient() else []
+    history_keys += ["drift_mm"] if any(scene.object.drift()) else []
     if scene.motor_speed_deg_s and history_keys:
         raise ValueError(
             f"motor_speed_deg_s is {scene.motor_speed_deg_s:g} and object.{history_keys[0]} is "
@@ -191,7 +191,7 @@ def _motion(scene: "Scene") -> None:
 
 
 def _views(scene: "Scene") -> None:
-    if scene.camera.projection == "perspective" and scene.calibration.views < 3:
+    if not scene.camera.is_telecentric and scene.calibration.views < 3:
         raise ValueError(
             f"calibration.views is {scene.calibration.views}, allowed is >= 3 for a "
             "perspective camera"
@@ -214,11 +214,11 @@ def _linear(scene: "Scene") -> None:
         for name in ("section", "tip_ratio", "bow_mm", "extensible", "clamp_softness")
         if getattr(beam, name) != getattr(default, name)
     ]
-    unsupported += [f"object.{name}" for name in ("friction",) if getattr(scene.object, name, 0)]
+    unsupported += ["object.friction"] if scene.object.friction_coefficient() else []
     unsupported += ["gravity_m_s2"] if any(scene.gravity_m_s2) else []
     unsupported += ["clamp_offset_mm"] if any(scene.clamp_offset_mm) else []
     unsupported += ["second_peg"] if scene.second_peg else []
-    unsupported += ["object.drift_mm"] if any(getattr(scene.object, "drift_mm", ())) else []
+    unsupported += ["object.drift_mm"] if any(scene.object.drift()) else []
     if not scene.object.linear:
         unsupported.append(f"object.kind {scene.object.kind}")
     if scene.mechanics == "linear" and unsupported:

@@ -157,11 +157,16 @@ class Scene(Part):
     )
 
     @property
+    def push_keys(self) -> PushSpec | SamplingSpec:
+        """The keys of its pushes: those of a grid, or of random ones."""
+        keys = self.pushes or self.sampling
+        assert keys is not None
+        return keys
+
+    @property
     def motor_angle_at_contact_deg(self) -> Onset:
         """Range of the motor's angle at first contact."""
-        pushes = self.pushes or self.sampling
-        assert pushes is not None
-        return pushes.motor_angle_at_contact_deg
+        return self.push_keys.motor_angle_at_contact_deg
 
     @property
     def ground_turns(self) -> bool:

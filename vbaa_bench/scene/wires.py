@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from vbaa_bench.scene.part import Below, Fraction, Part, Positive
+from vbaa_bench.scene.paint import Roughness
+from vbaa_bench.scene.part import Below, Fraction, Part, Positive, check_order
 
 TipRatio = Annotated[float, Field(ge=0.02, le=1)]
 Bow = Annotated[float, Field(ge=-20, le=20)]
@@ -46,7 +47,7 @@ class WiresSpec(Part):
     paint: Literal["matt", "gloss", "bare"] = Field(
         default="gloss", description="Paint of the wires."
     )
-    roughness: Annotated[float, Field(ge=0.1, le=0.6)] = Field(
+    roughness: Roughness = Field(
         default=0.3, description="Roughness alpha of gloss paint and bare steel."
     )
     reflectance: tuple[Fraction, Fraction] = Field(
@@ -64,9 +65,7 @@ class WiresSpec(Part):
             "crossing_deg",
             "reflectance",
         ):
-            limits = getattr(self, name)
-            if limits[0] > limits[1]:
-                raise ValueError(f"{name} is {list(limits)}, allowed is a range from low to high")
+            check_order(name, getattr(self, name))
         return self
 
     @model_validator(mode="after")

@@ -1,6 +1,6 @@
-"""Shutter and flickering light: how much each row of an image sees of each moment.
+"""Shutter and flickering light: the weight of each moment in each row of an image.
 
-A rolling shutter exposes the rows one after another. The light that a row sees is the integral
+A rolling shutter exposes the rows one after another. The light that a row receives is the integral
 of a radiance that varies in time, because the scene moves and because the lamps flicker.
 """
 
@@ -63,8 +63,8 @@ class Shutter:
         middle = np.linspace(-readout / 2, readout / 2, self.rows)
         starts, ends = middle - self.exposure / 2, middle + self.exposure / 2
         if poses == 1:
-            seen = light.integral(ends) - light.integral(starts)
-            return np.asarray(seen[:, None] / self.exposure)
+            received = light.integral(ends) - light.integral(starts)
+            return np.asarray(received[:, None] / self.exposure)
         nodes = np.linspace(-self.span / 2, self.span / 2, poses)
         interval = self.span / (poses - 1)
         # Part of each interval (rows, poses - 1) in which a row is exposed; may be empty.

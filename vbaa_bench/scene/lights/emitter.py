@@ -1,4 +1,4 @@
-"""What a light is for the renderer. Positions are in Sigma_a, in metres.
+"""Lights for the renderer. Positions are in Sigma_a, in metres.
 
 Only the ratios between lights matter, because the camera's exposure is metered on the beam.
 Radiance and irradiance are therefore in one arbitrary unit.

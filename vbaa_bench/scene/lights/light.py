@@ -1,4 +1,4 @@
-"""What a kind of light is: its keys, and what follows from them. `docs/kinds.md` shows how."""
+"""Base of the kinds of light: keys, and what follows from them. `docs/kinds.md` has an example."""
 
 from abc import ABC, abstractmethod
 from typing import Annotated, Final, NamedTuple
@@ -56,7 +56,7 @@ class LightKind(Part, ABC):
 
     @abstractmethod
     def tangent(self, setting: LightSetting, sight: Sight) -> Tangent:
-        """Compute the direction from which the light comes, as a laboratory knows it."""
+        """Compute the direction of the light, as far as a laboratory can measure it."""
 
     def mistake(self, _setting: LightSetting) -> str | None:
         """Describe what is impossible in a scene with this setting; None if nothing is."""

@@ -1,4 +1,4 @@
-"""What a kind of object is: its keys, and what follows from them. `docs/kinds.md` shows how.
+"""Base of the kinds of object: keys, and what follows from them. `docs/kinds.md` has an example.
 
 Objects are in their own frame: the contact is at the origin, +y is the outward normal there,
 towards the beam, and +z is the direction of the edge; x runs along the beam. The solid is in
@@ -52,7 +52,7 @@ class ObjectSetting(NamedTuple):
 
 
 class Touchable(NamedTuple):
-    """Where a beam can touch an object, of which mechanics knows an endless edge or wall.
+    """Where a beam can touch an object, which mechanics models as an endless edge or wall.
 
     `low` and `high` are the ends of the edge along z [m], `half_width` is the extent to both sides
     along x [m], and `flank` the largest inclination of the beam to x [rad].
@@ -97,6 +97,14 @@ class ObjectKind(Part, ABC):
     def mass(self) -> float | None:
         """Return the mass [kg] of a load that hangs from the beam; None if it is touched."""
         return None
+
+    def friction_coefficient(self) -> float:
+        """Return Coulomb's coefficient of friction along the beam."""
+        return 0.0
+
+    def drift(self) -> tuple[float, float, float]:
+        """Return the motion [m] from one step of a push to the next; see `TouchedKind`."""
+        return 0.0, 0.0, 0.0
 
     def object_from_table(self, _setting: ObjectSetting) -> Floats:
         """Compute the pose (4, 4) of the object's table in the object's frame.
@@ -150,6 +158,15 @@ class TouchedKind(PaintedPart, ObjectKind):
         description="Texture of every side, along the axis that it faces most; on bare steel it "
         "is one of gloss.",
     )
+
+    def friction_coefficient(self) -> float:
+        """Return the coefficient of friction."""
+        return self.friction
+
+    def drift(self) -> tuple[float, float, float]:
+        """Return the drift."""
+        x, y, z = self.drift_mm
+        return x * MILLIMETRE, y * MILLIMETRE, z * MILLIMETRE
 
     @model_validator(mode="after")
     def _check_texture(self) -> "TouchedKind":

@@ -1,4 +1,4 @@
-"""What a kind of texture is: its keys, and the reflectances that follow. See `docs/kinds.md`."""
+"""Base of the kinds of texture: keys, and reflectances. `docs/kinds.md` has an example."""
 
 from abc import ABC, abstractmethod
 from typing import Annotated, Final, NamedTuple
