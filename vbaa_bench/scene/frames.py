@@ -110,7 +110,7 @@ class Frames:
         )
         grid, sampling = scene.pushes, scene.sampling
         self._samples = () if sampling is None else sampling.draw(scene.seed)
-        self._grows = sampling is not None and sampling.method != "grid"
+        self._grows = sampling is not None and sampling.grows
         self._covers = list(_covers(scene))
         self._grid = grid_size(grid) if grid else len(self._samples)
         self._per_push = len(targets(grid)) if grid else 1

@@ -73,6 +73,11 @@ class SamplingSpec(Part):
             )
         return self
 
+    @property
+    def grows(self) -> bool:
+        """Whether a larger count keeps the pushes of a smaller one."""
+        return self.method != "grid"
+
     def draw(self, seed: int) -> "DrawnPushes":
         """Draw the pushes."""
         axes = {name: getattr(self, name) for name in AXES if getattr(self, name) is not None}
