@@ -14,7 +14,7 @@ from vbaa_bench.dataset.column import (
     Kind,
     Presence,
 )
-from vbaa_bench.dataset.table_schema import schema_of
+from vbaa_bench.dataset.tables import schema_of
 
 # Columns that join the truth to the readings; both files have them.
 JOINED: Final = {
