@@ -24,8 +24,9 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
 from solver.lab.command_end import run_command
 from vbaa_bench.cli.options import AsJson
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json, versions
+from vbaa_bench.dataset.program import versions
 from vbaa_bench.report.console import print_result
 from vbaa_bench.scoring.summary import machine
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from vbaa_bench.dataset.columns import TRUTH_SCHEMA
+from vbaa_bench.dataset.dataset_columns import TRUTH_SCHEMA
 
 
 def complete_row(**values: Any) -> dict[str, Any]:

@@ -152,7 +152,7 @@ def photograph(file: SceneFile, variant: str) -> tuple[Grey, FrameRenderer, Pose
     folder = file.folder.resolve()
     renderer = FrameRenderer(file.scene, scene_plan.rig, folder, variant, threads=0)
     spec = _representative_frame(scene_plan, renderer)
-    image, _ = renderer.photograph(spec, Metering(renderer.measure_exposure()))
+    image, _ = renderer.expose_frame(spec, Metering(renderer.measure_exposure()))
     return eight_bit(image), renderer, renderer.pose(spec)
 
 

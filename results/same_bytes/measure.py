@@ -84,7 +84,7 @@ def render(case: Case, out: Path) -> None:
     renderer = FrameRenderer(file.scene, planned.rig, file.path.parent.resolve(), FAST, 1)
     metering = renderer.meter(metered_frames(specs))
     spec = next(spec for spec in specs if spec.index == middle)
-    _, rendered = renderer.photograph(spec, metering)
+    _, rendered = renderer.expose_frame(spec, metering)
     sensor, light = renderer.sensor(metering.exposure), renderer.vignetting
     saved: dict[str, Any] = {"samples": rendered.samples}
     for bits in BITS:

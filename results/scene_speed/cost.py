@@ -83,12 +83,12 @@ def parts(file: SceneFile, variant: str, folder: Path) -> Iterator[Record]:
     layout = Layout(folder)
     renderer = FrameRenderer(scene, planned.rig, file.folder.resolve(), variant, threads=1)
     # Builds the world, renders the static layer and compiles kernels.
-    renderer.photograph(metered[0], Metering(renderer.measure_exposure()))
+    renderer.expose_frame(metered[0], Metering(renderer.measure_exposure()))
     metering, table_s = _timed(lambda: renderer.meter(metered))
     yield {"table_s": table_s}
     yield {"static_s": _static_layer(renderer, metered[0], metering)}
 
-    _, rendered = renderer.photograph(chosen[len(chosen) // 2], metering)
+    _, rendered = renderer.expose_frame(chosen[len(chosen) // 2], metering)
     yield {"samples": int(rendered.samples.sum())}
     for tree in layout.trees:
         tree.mkdir()

@@ -13,9 +13,9 @@ from tests.forgotten import forgotten
 from vbaa_bench.api.results import score, solve
 from vbaa_bench.api.verification import verify
 from vbaa_bench.cli.main import app
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.identity import OtherDatasetError
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.overall_digest import dataset_digest
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation.generate import generate

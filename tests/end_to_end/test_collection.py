@@ -18,8 +18,8 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation import generate as generating
-from vbaa_bench.generation.collection import generate_collection
 from vbaa_bench.generation.generate import Part, generate
+from vbaa_bench.generation.generate_collection import generate_collection
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.workers import pool as pools
 from vbaa_bench.workers.jobs import SameProcess

@@ -23,9 +23,10 @@ from tests.sealing import reseal
 from tests.vbaa_bench.generation.test_failures import SCENE as SIX_FRAMES
 from vbaa_bench import cli
 from vbaa_bench.dataset import identity
+from vbaa_bench.dataset.copies import copy_observations
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
-from vbaa_bench.dataset.readers import copy_observations, open_truth
+from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate

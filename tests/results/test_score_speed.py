@@ -8,9 +8,10 @@ import pytest
 from results.score_speed.enlarged import enlarge
 from results.score_speed.measure import measure
 from solver.instrument.errors import InputError
+from vbaa_bench.dataset.copies import copy_tree
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.readers import copy_tree, open_truth
+from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score_columns import LIMITS
 

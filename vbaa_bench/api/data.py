@@ -14,15 +14,15 @@ from solver.instrument.hashes import read_bytes
 from solver.instrument.observation import Observations, open_observations
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset import exr
-from vbaa_bench.dataset.collection import CollectionLayout
-from vbaa_bench.dataset.fork import fork_of_collection, fork_of_dataset
+from vbaa_bench.dataset.collection import CollectionLayout, fork_of_collection
+from vbaa_bench.dataset.identity import fork_of_dataset
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.generation.collection import failed, generate_collection
-from vbaa_bench.generation.generate import Part
+from vbaa_bench.generation.generate import Part, ignore
 from vbaa_bench.generation.generate import generate as generate_dataset
+from vbaa_bench.generation.generate_collection import failed, generate_collection
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
-from vbaa_bench.report.console import print_line, progress_bars
+from vbaa_bench.report.console import print_line, progress_bar, progress_bars
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.workers.cluster import ClusterAddress
 from vbaa_bench.workers.resources import cores
@@ -115,20 +115,20 @@ def generate(
     cluster = None if dask is None else ClusterAddress.checked(dask)
     file, chosen_variant = scene_file(scene), usable_variant(variant)
     root = fork_of_dataset(file, Path(out), chosen_variant) if fork else Path(out)
-    remark = print_line if progress else _ignore
+    remark = print_line if progress else ignore
     _announce(root, Path(out), remark)
     if chosen_variant == PLAIN and variant is None:
         remark(f"rendering with scalar_rgb, about ten times slower; {ADVICE}")
     with progress_bars(shown=progress) as bars:
-        planning = bars.add_task("mechanics", total=None)
-        rendering = bars.add_task("rendering", total=None, visible=False)
+        planning = progress_bar(bars, "mechanics")
+        rendering = progress_bar(bars, "rendering", hidden=True)
         generate_dataset(
             file,
             root,
             chosen_variant,
             worker_count(workers, chosen_variant),
-            lambda done, total: bars.update(rendering, completed=done, total=total, visible=True),
-            lambda done, total: bars.update(planning, completed=done, total=total),
+            rendering,
+            planning,
             remark,
             part=None if part is None else Part(*part),
             cluster=cluster,
@@ -160,16 +160,15 @@ def generate_rigs(
         raise InputError(f"{file.path}: rigs is missing, so it describes one dataset only")
     chosen_variant = usable_variant(variant)
     root = fork_of_collection(file, Path(out)) if fork else Path(out)
-    remark = print_line if progress else _ignore
+    remark = print_line if progress else ignore
     _announce(root, Path(out), remark)
     with progress_bars(shown=progress) as bars:
-        task = bars.add_task("rendering", total=None)
         results = generate_collection(
             file,
             root,
             chosen_variant,
             worker_count(workers, chosen_variant),
-            lambda done, total: bars.update(task, completed=done, total=total),
+            progress_bar(bars, "rendering"),
             rigs,
             remark,
             cluster=cluster,
@@ -183,10 +182,6 @@ def _announce(root: Path, out: Path, remark: Callable[[str], None]) -> None:
     """Name the folder of a fork."""
     if root != out:
         remark(f"{out}: holds something else; writing to {root}")
-
-
-def _ignore(_sentence: str) -> None:
-    pass
 
 
 def read_exr(path: Path | str) -> dict[str, np.ndarray]:

@@ -3,7 +3,6 @@
 import contextlib
 import math
 import os
-import sys
 import tempfile
 import time
 from collections import deque
@@ -18,14 +17,16 @@ from vbaa_bench.api.scene import AnyScene
 from vbaa_bench.assembly.plan import accepted_rig, plan
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.collection import RigGenerator
 from vbaa_bench.generation.dataset_worker import DatasetWorker
 from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.generate import Machine
+from vbaa_bench.generation.generate_collection import RigGenerator
+from vbaa_bench.generation.inventory import image_names
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.workers.jobs import Job
 from vbaa_bench.workers.pool import GROWTH_MB, Pool
-from vbaa_bench.workers.resources import cores
+from vbaa_bench.workers.resources import peak_memory_bytes
 
 # Frames that each worker renders, of which the first compiles kernels. Chosen: takes seconds, and
 # gives a rough estimate of the variation between frames.
@@ -107,14 +108,13 @@ def forecast(
 
 def _dataset_forecast(file: SceneFile, chosen_variant: str, count: int) -> Forecast:
     frames = Frames(file.scene)
-    shards = math.ceil(frames.count / file.scene.frames_per_shard)
     start = time.monotonic()
     probe = _probe(file, _spread(frames.count, PROBES * count), chosen_variant, count)
-    images = file.scene.calibration.views + file.scene.sensor.rest_images
+    images = len(image_names(file.scene))
 
     def hours(frame_s: float) -> float:
         # No worker renders less than one shard.
-        rendered = math.ceil(shards / count) / shards * frames.count
+        rendered = math.ceil(frames.shards / count) / frames.shards * frames.count
         rendering = rendered * frame_s + images * probe.image_s / count
         return (probe.start_s + rendering) / 3600
 
@@ -147,18 +147,20 @@ class _ProbedRig(NamedTuple):
 class _TimedRigGenerator(RigGenerator):
     """A RigGenerator that times its rigs."""
 
-    def probe(self, tick: Callable[[], None], number: int, root: Path) -> _ProbedRig:
+    def probe(self, on_progress: Callable[[], None], number: int, root: Path) -> _ProbedRig:
         """Generate a rig's dataset in this process."""
         start = time.perf_counter()
-        reason = self.rig(tick, number, root, {}).reason
-        return _ProbedRig(number, reason, time.perf_counter() - start, os.getpid(), _peak_memory())
+        reason = self.rig(on_progress, number, root, {}).reason
+        return _ProbedRig(
+            number, reason, time.perf_counter() - start, os.getpid(), peak_memory_bytes()
+        )
 
 
 def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int) -> Forecast:
     start, probed = time.monotonic(), list[_ProbedRig]()
     numbers = _spread(rigs, PROBED_RIGS * workers)
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
-        layout, threads = CollectionLayout(Path(folder)), max(cores() // workers, 1)
+        layout, threads = CollectionLayout(Path(folder)), Machine(variant, workers).threads_each
         jobs = [("probe", (number, layout.rig(number).root)) for number in numbers]
         with (
             contextlib.suppress(_OutOfTimeError),
@@ -181,7 +183,7 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
     scenes = [accepted_rig(file, one.number).scene for one in probed]
     share = rigs / len(probed)
     counts = [Frames(scene) for scene in scenes]
-    images = sum(scene.calibration.views + scene.sensor.rest_images for scene in scenes)
+    images = sum(len(image_names(scene)) for scene in scenes)
     compiling = max(max(one.seconds for one in probed) - min(seconds), 0.0)
 
     def hours(rig_s: float) -> float:
@@ -245,14 +247,14 @@ class _ProbedWorker(DatasetWorker):
     _is_warm = False
 
     def probe(
-        self, tick: Callable[[], None], number: int, name: FrameName, metering: Metering
+        self, on_progress: Callable[[], None], number: int, name: FrameName, metering: Metering
     ) -> _ProbedFrame:
         """Render a shard of one frame."""
         start = time.perf_counter()
-        self.shard(tick, number, [name], metering, {})
+        self.shard(on_progress, number, [name], metering, {})
         seconds = time.perf_counter() - start
         is_warm, self._is_warm = self._is_warm or seconds > _COMPILATION_S, True
-        return _ProbedFrame(seconds, is_warm, _peak_memory())
+        return _ProbedFrame(seconds, is_warm, peak_memory_bytes())
 
 
 class _OutOfTimeError(Exception):
@@ -275,16 +277,6 @@ def _results(pool: Pool, jobs: Iterable[tuple[str, tuple[Any, ...]]], end: float
         yield ended.result
 
 
-def _peak_memory() -> int | None:
-    """Return the peak memory of this process [bytes], None if it is unknown."""
-    if sys.platform == "win32":
-        return None
-    import resource  # not on Windows
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
-
-
 def _spread(frames: int, max_count: int) -> list[int]:
     """Choose indices of frames evenly spread over a scene."""
     count = min(max_count, frames)
@@ -303,7 +295,7 @@ def _probe(file: SceneFile, indices: Sequence[int], variant: str, workers: int) 
         layout, view = Layout(Path(folder)), "calibration/view_00.png"
         (layout.observations / view).parent.mkdir(parents=True)
         layout.truth.mkdir()
-        threads = max(cores() // workers, 1)
+        threads = Machine(variant, workers).threads_each
         with (
             contextlib.suppress(_OutOfTimeError),
             Pool(workers, _ProbedWorker, (file, layout, variant, threads)) as pool,

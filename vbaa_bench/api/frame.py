@@ -15,8 +15,8 @@ from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.assembly.plan import plan
+from vbaa_bench.dataset.manifest import dataset_facts
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, metered_frames
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
@@ -108,6 +108,6 @@ def rendered_frame(
         metering = Metering(renderer.measure_exposure())
     rendered = renderer.frame(spec, metering)
     row = {"frame_id": spec.frame_id, **rendered.truth}
-    facts = dataset_facts(file.scene, rig, metering, variant)
+    facts = dataset_facts(file.scene, rig, variant, metering.exposure, metering.table.factors)
     truth = Truth(Path(), facts, pl.DataFrame([row], infer_schema_length=None))
     return Frame(rendered.image, rendered.readings, row, rendered.layers, truth)

@@ -10,11 +10,11 @@ from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.frame import rendered_frame
 from vbaa_bench.assembly.plan import accepted_rig
+from vbaa_bench.generation.generate import Machine
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.workers.pool import Pool
-from vbaa_bench.workers.resources import cores
 
 # Width of a tile, height of its caption and number of columns. Chosen: fits a screen.
 _TILE_PX, _CAPTION_PX, _COLUMNS = 384, 20, 5
@@ -39,7 +39,7 @@ def random_sheet(
     chosen_variant = usable_variant(variant)
     processes = worker_count(workers, chosen_variant)
     jobs: list[tuple[str, tuple[Any, ...]]] = [("tile", (file, number)) for number in range(count)]
-    threads = max(cores() // processes, 1)
+    threads = Machine(chosen_variant, processes).threads_each
     with Pool(processes, DrawRenderer, (chosen_variant, threads)) as pool:
         encoded = pool.run(jobs, lambda done: progress(done, count))
     tiles = [
@@ -63,7 +63,7 @@ class DrawRenderer:
     def __init__(self, variant: str, threads: int) -> None:
         self._variant, self._threads = variant, threads
 
-    def tile(self, tick: Callable[[], None], file: SceneFile, number: int) -> bytes:
+    def tile(self, on_progress: Callable[[], None], file: SceneFile, number: int) -> bytes:
         """Render one draw as a PNG with a caption."""
         try:
             picture, caption = self._draw(file, number)
@@ -73,7 +73,7 @@ class DrawRenderer:
         tile = np.full((_CAPTION_PX + len(picture), _TILE_PX, 3), _PAPER, np.uint8)
         tile[_CAPTION_PX:] = picture
         cv2.putText(tile, caption, (3, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.36, _INK, 1, cv2.LINE_AA)
-        tick()
+        on_progress()
         return bytes(cv2.imencode(".png", tile)[1])
 
     def _draw(self, file: SceneFile, number: int) -> tuple[np.ndarray, str]:

@@ -13,12 +13,9 @@ from vbaa_bench.dataset.overall_digest import checked_digest, dataset_digest
 from vbaa_bench.dataset.result_faults import remedy
 from vbaa_bench.dataset.verify import Counts
 from vbaa_bench.dataset.verify import faults as find_faults
+from vbaa_bench.generation.generate import Progress, ignore
 from vbaa_bench.generation.repair import repair as repair_faults
 from vbaa_bench.scene.load import SceneFile
-
-
-def _ignore(*_: object) -> None:
-    pass
 
 
 @dataclass(frozen=True)
@@ -69,9 +66,9 @@ def verify(
     scene: SceneFile | None = None,
     against: str | None = None,
     workers: int | None = None,
-    on_shard: Callable[[int, int], None] = _ignore,
-    on_fault: Callable[[str], None] = _ignore,
-    on_frame: Callable[[int, int], None] = _ignore,
+    on_shard: Progress = ignore,
+    on_fault: Callable[[str], None] = ignore,
+    on_frame: Progress = ignore,
 ) -> Verification:
     """Find everything that is wrong in a dataset or collection; with `repair`, mend it.
 

@@ -9,7 +9,14 @@ import typer
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Modules, Workers, parsed_range
-from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
+from vbaa_bench.report.console import (
+    console,
+    print_line,
+    print_result,
+    progress_bar,
+    progress_bars,
+    show_table,
+)
 
 if TYPE_CHECKING:
     from vbaa_bench.benchmarks.leaks import LeakTest
@@ -58,19 +65,10 @@ def verify(
 
     file = None if scene is None else load_scene(scene)
     with progress_bars() as bars:
-        task = bars.add_task("verifying", total=None)
-
-        def on_shard(done: int, total: int) -> None:
-            bars.update(task, completed=done, total=total)
 
         def on_fault(sentence: str) -> None:
             if not as_json:
                 print_line(sentence)
-
-        rendering = bars.add_task("rendering", total=None, visible=False)
-
-        def on_frame(done: int, total: int) -> None:
-            bars.update(rendering, completed=done, total=total, visible=True)
 
         result = verify_dataset(
             dataset,
@@ -79,9 +77,9 @@ def verify(
             scene=file,
             against=against,
             workers=workers,
-            on_shard=on_shard,
+            on_shard=progress_bar(bars, "verifying"),
             on_fault=on_fault,
-            on_frame=on_frame,
+            on_frame=progress_bar(bars, "rendering", hidden=True),
         )
     tests = _leak_tests(dataset) if leaks else []
     features = {"features": [test.record() for test in tests]} if leaks else {}

@@ -6,7 +6,7 @@ import subprocess
 from dataclasses import dataclass
 from typing import Any, Final
 
-from vbaa_bench.dataset.manifest import versions
+from vbaa_bench.dataset.program import versions
 from vbaa_bench.dataset.target import FAST
 from vbaa_bench.render.variant import ADVICE, CUDA, PLAIN, VARIANTS, Probe, probe
 

@@ -7,7 +7,14 @@ import typer
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Modules, SceneOrDataset, Seed, Settings, Variant, Workers
-from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
+from vbaa_bench.report.console import (
+    console,
+    print_line,
+    print_result,
+    progress_bar,
+    progress_bars,
+    show_table,
+)
 
 
 def limits(
@@ -87,14 +94,13 @@ def limits(
         compared = designs.designs(source, vary or (), information, seed, settings or ())
         chosen = usable_variant(variant)
     with progress_bars() as bars:
-        task = bars.add_task("limits", total=None)
         table = maps.maps(
             compared,
             grid,
             information,
             chosen,
             worker_count(workers, chosen),
-            lambda done, total: bars.update(task, completed=done, total=total),
+            progress_bar(bars, "limits"),
         )
     summary = summaries.summaries(table, compared, required)
     facts = [f"Information set {information}: {SETS[information]}, with all data before contact."]
@@ -136,14 +142,9 @@ def store_limits(root: Path, workers: int | None, variant: str | None) -> int:
     count = worker_count(workers, chosen)
     with progress_bars() as bars:
         of_rigs = bars.add_task("rigs", total=len(roots), visible=len(roots) > 1)
-        task = bars.add_task("limits", total=None)
+        bar = progress_bar(bars, "limits")
         for one in roots:
-            table = limits_of_dataset(
-                one,
-                chosen,
-                count,
-                lambda done, total: bars.update(task, completed=done, total=total),
-            )
+            table = limits_of_dataset(one, chosen, count, bar)
             frames += table["frame_id"].n_unique()
             bars.advance(of_rigs)
     return frames

@@ -20,7 +20,7 @@ from vbaa_bench.cli.options import (
     Variant,
     parsed_range,
 )
-from vbaa_bench.report.console import console, print_result, progress_bars
+from vbaa_bench.report.console import console, print_result, progress_bar, progress_bars
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -135,10 +135,7 @@ def _draw_random(
     target = out or Path(f"{file.path.stem}_random.png")
     prepare_output_path(target)
     with progress_bars() as bars:
-        task = bars.add_task("draws", total=draws)
-        png = random_sheet(
-            file, draws, variant=variant, progress=lambda n, _: bars.update(task, completed=n)
-        )
+        png = random_sheet(file, draws, variant=variant, progress=progress_bar(bars, "draws"))
     write(target, png)
     print_result({"picture": str(target), "draws": draws}, str(target), as_json)
 

@@ -20,12 +20,19 @@ from pydantic import Field
 
 from solver.instrument.errors import DamageError, InputError, truncated
 from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
-from vbaa_bench.dataset.differences import as_in_file, differences, listing
-from vbaa_bench.dataset.document import Document, check_document
-from vbaa_bench.dataset.identity import OtherDatasetError
+from vbaa_bench.dataset.document import (
+    Document,
+    as_in_file,
+    check_document,
+    differences,
+    listing,
+    read_json,
+)
+from vbaa_bench.dataset.identity import OtherDatasetError, first_fork
 from vbaa_bench.dataset.layout import FILES, Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.recorded import exists, write_recorded
+from vbaa_bench.dataset.scene_files import file_digests
+from vbaa_bench.scene.load import SceneFile
 
 _RIG: Final = re.compile(r"rig_\d{5,}")
 
@@ -101,10 +108,10 @@ class CollectionLayout:
             return "same"
         if not self.scene.is_file():
             paths = self.root.iterdir() if self.root.exists() else iter(())
-            others = [path.name for path in paths if not path.name.startswith(".lock")]
-            if others:
+            names = [path.name for path in paths if not path.name.startswith(".lock")]
+            if names:
                 raise OtherDatasetError(
-                    f"{self.root}: holds other files ({others[0]}); choose another folder"
+                    f"{self.root}: holds other files ({names[0]}); choose another folder"
                 )
             return "empty"
         old = self.read_scene()
@@ -189,6 +196,17 @@ def count_frames(root: Path) -> FrameCounts:
         sum(rig.frames for rig in rigs),
         sum(rig.failed_frames for rig in rigs),
         sum(bool(row["reason"]) for row in collection.read_rows().values()),
+    )
+
+
+def fork_of_collection(file: SceneFile, root: Path) -> Path:
+    """Return the first of DIR, DIR-2, DIR-3, ... that is free or holds this scene's collection.
+
+    Raises InputError.
+    """
+    files = file_digests(file)
+    return first_fork(
+        root, lambda folder: CollectionLayout(folder).check_scene(file.template, files)
     )
 
 

@@ -17,8 +17,8 @@ import polars as pl
 from solver.instrument.errors import DamageError
 from solver.instrument.hashes import HASHES, digest, read_bytes
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.recorded import exists, write_results
+from vbaa_bench.dataset.tables import MAX_SCORED_VALUES, read_parquet
 
 LIMITS: Final = "limits.parquet"
 # Key of the file's metadata: the sha256 of truth/hashes.json.
@@ -43,7 +43,14 @@ def read_limits(layout: Layout) -> pl.DataFrame | None:
         return None
     data = read_bytes(path)
     table = read_parquet(path, data, max_values=MAX_SCORED_VALUES)
-    truth = pl.read_parquet_metadata(io.BytesIO(data)).get(_TRUTH)
-    if truth != digest(read_bytes(layout.truth / HASHES)):
+    if truth_of_limits(data) != digest(read_bytes(layout.truth / HASHES)):
         raise DamageError(f"{path}: was computed from another truth; {_AGAIN}")
     return table
+
+
+def truth_of_limits(data: bytes) -> str | None:
+    """Return the sha256 of the truth/hashes.json from which a table of limits was computed.
+
+    `data` are the bytes of the table. Raises PolarsError if they are no Parquet table.
+    """
+    return pl.read_parquet_metadata(io.BytesIO(data)).get(_TRUTH)

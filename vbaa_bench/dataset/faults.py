@@ -1,5 +1,6 @@
 """Faults of files: what is wrong with one, by its recorded sha256."""
 
+import os
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -99,3 +100,16 @@ def name_faults(folder: Path, table: Table, names: Collection[str]) -> Iterator[
     """Compare the names that a table lists with those that it should list."""
     if table.hashes is not None and table.hashes.keys() != set(names):
         yield damaged(folder / HASHES)
+
+
+def unlisted_files(
+    tree: Path, listed: Collection[Path], folders: Collection[Path]
+) -> Iterator[Path]:
+    """Find files of a tree that are neither listed nor in `folders`; no link is followed."""
+    for folder, subfolders, files in os.walk(tree):
+        path = Path(folder)
+        linked = [name for name in subfolders if (path / name).is_symlink()]
+        subfolders[:] = sorted(name for name in subfolders if path / name not in folders)
+        for name in sorted((*linked, *files)):
+            if path / name not in listed and path / name not in folders:
+                yield path / name

@@ -3,7 +3,7 @@
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from solver.instrument.files import open_regular
 from solver.instrument.hashes import MEND, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.labels import check_labels, label_columns, select_labels, to_array
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import METADATA, TRUTH_TABLE, Layout, shard_numbers
 from vbaa_bench.dataset.readers import open_manifest
 from vbaa_bench.dataset.splits import check_split, split_names
 
@@ -109,9 +109,8 @@ def _shards(rig: int, layout: Layout) -> Iterator[Shard]:
         full_scale = 2 ** int(scene["sensor"]["bits"]) - 1
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{layout.manifest}: the key scene.sensor.bits is missing") from error
-    for name in sorted(read_hashes(layout.observations) or ()):
-        if PurePath(name).match("shard_*/hashes.json"):
-            yield Shard(str(layout.observations / PurePath(name).parent), rig, full_scale)
+    for number in shard_numbers(read_hashes(layout.observations) or ()):
+        yield Shard(str(layout.shard(layout.observations, number)), rig, full_scale)
 
 
 def _part(
@@ -119,7 +118,7 @@ def _part(
 ) -> _Part:
     """Read the tables of a shard, and join them by frame_id."""
     folder = Path(shard.folder)
-    truth_file = layout.truth / folder.name / "truth.parquet"
+    truth_file = layout.truth / folder.name / TRUTH_TABLE
 
     def source(path: Path) -> Path | io.BytesIO:
         if check:
@@ -128,7 +127,7 @@ def _part(
         return path
 
     try:
-        metadata = pl.read_csv(source(folder / "metadata.csv"), infer_schema=False)
+        metadata = pl.read_csv(source(folder / METADATA), infer_schema=False)
         truth = pl.scan_parquet(source(truth_file))
         schema = truth.collect_schema()
         truth_ids = truth.select("frame_id").collect()["frame_id"]
@@ -159,7 +158,7 @@ def _part(
 def _ids(folder: Path, names: pl.Series) -> np.ndarray:
     """Convert names to an array of bytes, of fixed length. Raises InputError for a path."""
     if names.str.contains(r"[/\\\x00]").any():
-        raise InputError(f"{folder / 'metadata.csv'}: has a frame_id or push_id that is a path")
+        raise InputError(f"{folder / METADATA}: has a frame_id or push_id that is a path")
     return np.array([name.encode() for name in names], dtype="S")
 
 

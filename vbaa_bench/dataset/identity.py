@@ -1,24 +1,28 @@
 """Identity of a dataset: its scene and the program that makes it. `generate` rejects mismatches."""
 
+import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Final, Literal
 
+from solver.instrument.errors import InputError
 from solver.instrument.files import holds, read_regular, write_bytes
 from solver.instrument.hashes import digest, parse_hashes
-from vbaa_bench.dataset.code import code_digests
-from vbaa_bench.dataset.differences import Difference, as_in_file, differences, listing
+from vbaa_bench.dataset.document import Difference, as_in_file, differences, listing, read_json
+from vbaa_bench.dataset.format_version import SCHEMA, migrated_identity, version_of
 from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.lock import FolderError
-from vbaa_bench.dataset.manifest import read_json, versions
+from vbaa_bench.dataset.program import code_digests, versions
 from vbaa_bench.dataset.scene_files import file_digests
-from vbaa_bench.dataset.schema import SCHEMA, migrated_identity, version_of
 from vbaa_bench.dataset.target import target
 from vbaa_bench.scene.load import SceneFile
 
 Identity = dict[str, Any]
 # Key of the digests of users' modules, by name.
 MODULES: Final = "modules"
+# Chosen: more datasets of one scene than anyone keeps in one folder.
+_LARGEST_FORK: Final = 1000
 
 
 class OtherDatasetError(FolderError):
@@ -86,6 +90,33 @@ def _grows(recorded: Identity, here: Identity) -> bool:
         key in sizes and isinstance(old, int) and old < new for key, old, new in changed
     )
     return bool(changed) and only_size and sampling.get("method") != "grid"
+
+
+def fork_of_dataset(file: SceneFile, root: Path, variant: str) -> Path:
+    """Return the first of DIR, DIR-2, DIR-3, ... that is free or holds the dataset of this scene.
+
+    Raises InputError.
+    """
+    identity = dataset_identity(file, variant)
+    return first_fork(root, lambda folder: check_identity(Layout(folder), identity))
+
+
+def first_fork(root: Path, check: Callable[[Path], object]) -> Path:
+    """Return the first of DIR, DIR-2, DIR-3, ... for which `check` raises no OtherDatasetError.
+
+    Raises InputError.
+    """
+    try:
+        for number in range(1, _LARGEST_FORK + 1):
+            folder = root if number == 1 else root.with_name(f"{root.name}-{number}")
+            with contextlib.suppress(OtherDatasetError):
+                check(folder)
+                return folder
+    except OSError as error:
+        raise InputError(f"{root}: cannot be read ({error.strerror})") from error
+    raise InputError(
+        f"{root}-{_LARGEST_FORK}: holds another dataset; choose another folder with --out"
+    )
 
 
 def write_identity(layout: Layout, identity: Identity) -> str:

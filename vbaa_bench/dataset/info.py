@@ -11,17 +11,16 @@ from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES, read_bytes
 from solver.instrument.images import png_head
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.parquet import read_parquet
+from vbaa_bench.dataset.document import read_json
+from vbaa_bench.dataset.format_version import migrated_identity, migrated_manifest, version_of
+from vbaa_bench.dataset.layout import FAILURES, METADATA, TRUTH_TABLE, Layout, shard_numbers
 from vbaa_bench.dataset.result_faults import PREDICTIONS
-from vbaa_bench.dataset.schema import migrated_identity, migrated_manifest, version_of
+from vbaa_bench.dataset.splits import read_splits
+from vbaa_bench.dataset.tables import read_parquet
 
 # Reasons of failed frames that are listed. Chosen: the rest is in the shards' failures.json.
 _REASONS: Final = 5
-_COLUMNS: Final = {"split", "processor"}
-# Where the truth of a frame states none.
-_SPLIT: Final = "train"
+# Where the dataset states none.
 _UNKNOWN: Final = "unknown"
 
 
@@ -110,29 +109,26 @@ def dataset_info(root: Path) -> DatasetInfo:
     )
     info.derived = _stems(layout.derived)
     info.solved = _stems(root / PREDICTIONS)
-    summary = root / "scores" / "summary.json"
-    info.scored = sorted(read_json(summary).get("methods", {})) if summary.is_file() else []
+    info.scored = _scored_methods(root)
     return info
 
 
 def _count_frames(layout: Layout, info: DatasetInfo) -> None:
-    """Count frames from the truth of each shard: failed ones, splits and processors."""
+    """Count frames from the tables of each shard: failed ones, splits and processors."""
     splits, processors = Counter[str](), Counter[str]()
-    for folder in sorted(layout.truth.glob("shard_*")):
-        table = folder / "truth.parquet"
+    for number in shard_numbers(path.name for path in layout.truth.glob("shard_*")):
+        folder = layout.shard(layout.truth, number)
+        table = folder / TRUTH_TABLE
         if not table.is_file():
             continue
-        columns = _COLUMNS | {"frame_id"}
-        rows = read_parquet(table, read_bytes(table), columns.__contains__)
+        rows = read_parquet(table, read_bytes(table), {"frame_id", "processor"}.__contains__)
         info.shards += 1
         info.frames += rows.height
-        for counts, name, missing in (
-            (splits, "split", _SPLIT),
-            (processors, "processor", _UNKNOWN),
-        ):
-            values = rows[name].to_list() if name in rows.columns else [None] * rows.height
-            counts.update(value or missing for value in values)
-        failures = folder / "failures.json"
+        values = rows["processor"] if "processor" in rows.columns else [None] * rows.height
+        processors.update(value or _UNKNOWN for value in values)
+        if (layout.shard(layout.observations, number) / METADATA).is_file():
+            splits.update(read_splits(layout, number)["split"])
+        failures = folder / FAILURES
         if failures.is_file():
             reasons = read_json(failures)
             info.failed_frames += len(reasons)
@@ -148,6 +144,11 @@ def _stems(folder: Path) -> list[str]:
     paths = folder.iterdir() if folder.is_dir() else iter(())
     names = {path.stem for path in paths if path.name != HASHES and not path.name.startswith(".")}
     return sorted(names)
+
+
+def _scored_methods(root: Path) -> list[str]:
+    summary = root / "scores" / "summary.json"
+    return sorted(read_json(summary).get("methods", {})) if summary.is_file() else []
 
 
 @dataclass
@@ -187,7 +188,6 @@ def collection_info(root: Path) -> CollectionInfo:
     datasets = [dataset_info(rig.root) for rig in layout.folders().values()]
     impossible = sum(bool(row.get("reason")) for row in rows.values())
     rigs = int(scene.get("rigs") or 1)
-    summary = root / "scores" / "summary.json"
     return CollectionInfo(
         collection=str(root),
         title=scene.get("title"),
@@ -197,7 +197,7 @@ def collection_info(root: Path) -> CollectionInfo:
         failed_frames=sum(one.failed_frames for one in datasets),
         bytes=sum(one.bytes for one in datasets),
         complete=len(datasets) + impossible >= rigs and all(one.complete for one in datasets),
-        scored=sorted(read_json(summary).get("methods", {})) if summary.is_file() else [],
+        scored=_scored_methods(root),
         datasets=datasets,
     )
 

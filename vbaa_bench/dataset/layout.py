@@ -19,6 +19,8 @@ The shards of both trees are written first, then the manifest, truth/hashes.json
 observations/hashes.json. The dataset is complete if this last file exists.
 """
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -27,11 +29,26 @@ from solver.instrument.hashes import HASHES
 
 # Folder of the files that a scene names, in the truth of a dataset and in a collection.
 FILES: Final = "files"
+# Table of a shard of the observations; table of one of the truth, and reasons of missing frames.
+METADATA: Final = "metadata.csv"
+TRUTH_TABLE: Final = "truth.parquet"
+FAILURES: Final = "failures.json"
+_SHARD: Final = re.compile(r"shard_(\d{5,})(?=/|\Z)")
 
 
 def shard_name(number: int) -> str:
     """Name the folder of a shard."""
     return f"shard_{number:05d}"
+
+
+def shard_hashes(number: int) -> str:
+    """Name the hashes.json of a shard in the hashes.json of its tree."""
+    return f"{shard_name(number)}/{HASHES}"
+
+
+def shard_numbers(names: Iterable[str]) -> list[int]:
+    """List the numbers of the shards among names of files and folders in a tree, sorted."""
+    return sorted({int(match[1]) for name in names if (match := _SHARD.match(name))})
 
 
 @dataclass(frozen=True)
@@ -64,6 +81,11 @@ class Layout:
     def hashes(self) -> Path:
         """The observations' hashes.json, which is written last and completes the dataset."""
         return self.observations / HASHES
+
+    @property
+    def rig(self) -> Path:
+        """The file with the nominal rig."""
+        return self.observations / "rig.json"
 
     @property
     def identity(self) -> Path:

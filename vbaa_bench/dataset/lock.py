@@ -28,6 +28,15 @@ class FolderError(InputError):
     """
 
 
+@contextlib.contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Write to a folder of data in this block. Raises FolderError in place of OSError."""
+    try:
+        yield
+    except OSError as error:
+        raise FolderError(f"{folder}: cannot be written ({error.strerror or error})") from error
+
+
 if sys.platform == "win32":
     import msvcrt
 

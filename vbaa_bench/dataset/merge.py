@@ -1,6 +1,5 @@
 """Merge parts of a dataset or a collection, which were generated in different folders, into one."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -9,12 +8,12 @@ from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
-from vbaa_bench.dataset.copied import seal_copy
-from vbaa_bench.dataset.differences import listing
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import manifest_bytes, read_json
-from vbaa_bench.dataset.readers import check_complete, complete_table, copy_tree
-from vbaa_bench.dataset.schema import SCHEMA, version_of
+from vbaa_bench.dataset.copies import complete_table, copy_tree, new_folder, seal_copy
+from vbaa_bench.dataset.document import listing, read_json
+from vbaa_bench.dataset.format_version import SCHEMA, version_of
+from vbaa_bench.dataset.layout import Layout, shard_name, shard_numbers
+from vbaa_bench.dataset.manifest import manifest_bytes
+from vbaa_bench.dataset.readers import check_complete
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import recorded_scene
 
@@ -29,15 +28,11 @@ def merge(parts: Sequence[Path], out: Path) -> None:
     InputError if the parts do not belong together, overlap, lack a shard, are damaged or
     incomplete, or if `out` is not empty or cannot be written.
     """
-    try:
-        if out.exists() and any(out.iterdir()):
-            raise InputError(f"{out}: is not empty; choose another folder")
+    with new_folder(out):
         if all(map(is_collection, parts)):
             _merge_collections([CollectionLayout(part) for part in parts], CollectionLayout(out))
         else:
             _merge_parts([Layout(part) for part in parts], Layout(out))
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
 
 
 def _merge_parts(parts: Sequence[Layout], out: Layout) -> None:
@@ -73,25 +68,20 @@ def _check_same_dataset(parts: Sequence[Layout]) -> None:
 
 def _check_shards(parts: Sequence[Layout]) -> None:
     """Raise InputError unless each shard of the scene is in one part."""
-    owners: dict[str, Layout] = {}
+    owners: dict[int, Layout] = {}
     for part in parts:
-        for name in sorted(_shards(part)):
-            owner = owners.setdefault(name, part)
+        for number in shard_numbers(complete_table(part.truth)):
+            owner = owners.setdefault(number, part)
             if owner is not part:
                 raise InputError(
-                    f"{part.root}: overlaps {owner.root}, both have {name}; merge each part once"
+                    f"{part.root}: overlaps {owner.root}, both have {shard_name(number)}; merge "
+                    "each part once"
                 )
     scene = recorded_scene(read_json(parts[0].manifest)["scene"], parts[0].root).scene
-    count = math.ceil(Frames(scene).count / scene.frames_per_shard)
-    layout = parts[0]
-    names = [layout.shard(layout.truth, number).name for number in range(count)]
-    missing = [name for name in names if name not in owners]
+    numbers = range(Frames(scene).shards)
+    missing = [shard_name(number) for number in numbers if number not in owners]
     if missing:
         raise InputError(f"{parts[0].root}: the parts lack {listing(missing)}; merge all parts")
-
-
-def _shards(part: Layout) -> set[str]:
-    return {name.partition("/")[0] for name in complete_table(part.truth) if "shard_" in name}
 
 
 def _copy(parts: Sequence[Layout], out: Layout) -> None:

@@ -1,4 +1,4 @@
-"""Readers of the truth, and copying of the observations for a method."""
+"""Readers of the truth."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -11,15 +11,13 @@ import polars as pl
 
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError, quoted, truncated
-from solver.instrument.files import read_regular
-from solver.instrument.hashes import HASHES, MEND, listed, read_bytes, read_hashes
-from vbaa_bench.dataset.columns import CENTRELINE, TRUTH_SCHEMA
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.manifest_schema import checked_manifest
-from vbaa_bench.dataset.parquet import read_parquet
-from vbaa_bench.dataset.schema import SCHEMA, migrated_frames, migrated_manifest, version_of
-from vbaa_bench.dataset.table_schema import check_unique, checked
+from solver.instrument.hashes import HASHES, listed, read_bytes
+from vbaa_bench.dataset.dataset_columns import CENTRELINE, TRUTH_SCHEMA
+from vbaa_bench.dataset.document import read_json
+from vbaa_bench.dataset.format_version import SCHEMA, migrated_frames, migrated_manifest, version_of
+from vbaa_bench.dataset.layout import TRUTH_TABLE, Layout
+from vbaa_bench.dataset.manifest import checked_manifest, true_camera
+from vbaa_bench.dataset.tables import check_unique, checked, read_parquet
 
 # Threads that read shards. Chosen: more are not faster, and each holds one shard in memory.
 _THREADS: Final = 4
@@ -40,18 +38,7 @@ class Truth:
     @property
     def camera(self) -> Camera:
         """The true camera, with which the frames were rendered."""
-        values = self.manifest["true_rig"]["camera"]
-        return Camera(
-            width=values["width_px"],
-            height=values["height_px"],
-            fx=values["fx_px"],
-            fy=values["fy_px"],
-            cx=values["cx_px"],
-            cy=values["cy_px"],
-            camera_from_antenna=np.array(values["camera_from_antenna"]),
-            telecentric=values["telecentric"],
-            distortion=tuple(values["distortion"]),
-        )
+        return true_camera(self.manifest)
 
 
 def check_complete(layout: Layout) -> None:
@@ -67,14 +54,6 @@ def check_complete(layout: Layout) -> None:
             f"{layout.root}: is incomplete; run the command that generates it again to finish it"
         )
     raise InputError(f"{layout.root}: is not a dataset, observations/{HASHES} is missing")
-
-
-def complete_table(tree: Path) -> dict[str, str]:
-    """Read the hashes.json of a tree. Raises InputError if there is none."""
-    table = read_hashes(tree)
-    if table is None:
-        raise InputError(f"{tree}: is incomplete, {HASHES} is missing; {MEND}")
-    return table
 
 
 def open_manifest(root: Path | str) -> Truth:
@@ -102,11 +81,11 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     names = listed(root)
     tables = [
         table
-        for table in sorted(root.glob("shard_*/truth.parquet"))
+        for table in sorted(root.glob(f"shard_*/{TRUTH_TABLE}"))
         if names is None or table.relative_to(root).as_posix() in names
     ]
     if not tables:
-        raise InputError(f"{root}: holds no shard_*/truth.parquet")
+        raise InputError(f"{root}: holds no shard_*/{TRUTH_TABLE}")
     try:
         # A column that is null in a whole shard has no type there, and random sections differ.
         # Threads: hashing and unpacking happen outside of Python's lock.
@@ -115,7 +94,7 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
         frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         reason = truncated(str(error))
-        raise InputError(f"{root}: a truth.parquet cannot be read ({reason})") from error
+        raise InputError(f"{root}: a {TRUTH_TABLE} cannot be read ({reason})") from error
     return replace(opened, frames=_checked(frames, opened.version, root))
 
 
@@ -125,7 +104,7 @@ def read_shard(truth: Truth, number: int, *, centrelines: bool = True) -> pl.Dat
     Without `centrelines`, the columns `centreline_*` are left out. Raises InputError if the shard
     is missing or damaged.
     """
-    path = Layout(truth.root.parent).shard(truth.root, number) / "truth.parquet"
+    path = Layout(truth.root.parent).shard(truth.root, number) / TRUTH_TABLE
     table = _table(path, centrelines)
     return _checked(table, truth.version, path) if table.height else pl.DataFrame()
 
@@ -145,7 +124,7 @@ def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:
     rows = read_rows(shard, [frame_id])
     if len(rows) != 1:
         raise InputError(
-            f"{shard / 'truth.parquet'}: has {len(rows)} rows of frame {quoted(frame_id)}, allowed "
+            f"{shard / TRUTH_TABLE}: has {len(rows)} rows of frame {quoted(frame_id)}, allowed "
             "is one"
         )
     return rows[0]
@@ -156,7 +135,7 @@ def read_rows(shard: Path, frame_ids: Sequence[str]) -> list[dict[str, Any]]:
 
     Raises InputError if the shard cannot be read.
     """
-    path = shard / "truth.parquet"
+    path = shard / TRUTH_TABLE
     table = checked(_table(path, centrelines=True), TRUTH_SCHEMA, str(path))
     rows = table.filter(pl.col("frame_id").is_in(frame_ids)).to_dicts()
     for row in rows:
@@ -172,25 +151,3 @@ def _table(path: Path, centrelines: bool) -> pl.DataFrame:
     return read_parquet(
         path, read_bytes(path), lambda name: not name.startswith(left_out), schema=TRUTH_SCHEMA
     )
-
-
-def copy_observations(layout: Layout, target: Path) -> None:
-    """Copy a dataset's observations to a new folder, and check each file as it is read.
-
-    Only the files listed in hashes.json are copied; no link to other files is followed. Raises
-    InputError for an incomplete or damaged tree, OSError if `target` cannot be written.
-    """
-    check_complete(layout)
-    copy_tree(layout.observations, target)
-    (target / HASHES).write_bytes(read_regular(layout.observations / HASHES))
-
-
-def copy_tree(source: Path, target: Path) -> None:
-    """Copy the files of a tree, except its own hashes.json, and check each as it is read.
-
-    Only files that hashes.json lists are copied. Raises InputError for a damaged tree, OSError if
-    `target` cannot be written.
-    """
-    for name in listed(source) or []:
-        (target / name).parent.mkdir(parents=True, exist_ok=True)
-        (target / name).write_bytes(read_bytes(source / name))

@@ -12,7 +12,7 @@ from typing import Final
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import move_into_place, sync_folder, write_bytes
 from solver.instrument.hashes import HASHES, MEND, digest, hashes_bytes, read_hashes
-from vbaa_bench.dataset.lock import locked
+from vbaa_bench.dataset.lock import locked, writing
 
 # Longest wait for another process that writes into the same folder [s]. Chosen: a thousand times
 # what a write takes.
@@ -54,10 +54,8 @@ def write_recorded(
 
 def write_results(folder: Path, files: Mapping[str, bytes], removed: Collection[str] = ()) -> None:
     """Write files as `write_recorded` does. Raises InputError."""
-    try:
+    with writing(folder):
         write_recorded(folder, files, removed)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from error
 
 
 def exists(path: Path) -> bool:

@@ -1,6 +1,5 @@
 """Faults of the results of a dataset or collection, and the commands that compute them again."""
 
-import io
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -9,6 +8,7 @@ import polars as pl
 
 from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, digest
+from vbaa_bench.dataset.derived import LIMITS, truth_of_limits
 from vbaa_bench.dataset.faults import (
     DAMAGED,
     UNRECORDED,
@@ -18,13 +18,14 @@ from vbaa_bench.dataset.faults import (
     surplus,
     table_of,
 )
+from vbaa_bench.dataset.layout import Layout
 
 PREDICTIONS: Final = "predictions"
 # Suffixes of a user's own predictions, which need no record.
 _OWN: Final = {".csv", ".parquet"}
 
 
-class Results(NamedTuple):
+class ResultFolder(NamedTuple):
     """A folder of results and the command that writes them."""
 
     folder: str
@@ -32,10 +33,10 @@ class Results(NamedTuple):
 
 
 RESULTS: Final = (
-    Results("derived", "limits"),
-    Results(PREDICTIONS, "solve"),
-    Results("scores", "score"),
-    Results("report", "report"),
+    ResultFolder("derived", "limits"),
+    ResultFolder(PREDICTIONS, "solve"),
+    ResultFolder("scores", "score"),
+    ResultFolder("report", "report"),
 )
 
 
@@ -45,12 +46,11 @@ def remedy(root: Path, path: Path) -> str | None:
         folder, name = path.relative_to(root).parts[:2]
     except ValueError:
         return None
-    for results in RESULTS:
-        if folder == results.folder:
-            command = "budget" if name == "budget.json" else results.command
-            options = _options(name) if folder == PREDICTIONS and name != HASHES else ""
-            return f"vbaa-bench {command} {root}{options}"
-    return None
+    command = {one.folder: one.command for one in RESULTS}.get(folder)
+    if command is None:
+        return None
+    options = _options(name) if folder == PREDICTIONS and name != HASHES else ""
+    return f"vbaa-bench {'budget' if name == 'budget.json' else command} {root}{options}"
 
 
 def _options(name: str) -> str:
@@ -99,10 +99,11 @@ def _is_own(folder: Path, name: str, methods: Collection[str]) -> bool:
 
 
 def _limits_of_another_truth(root: Path) -> Iterator[Fault]:
-    path, truth = root / "derived" / "limits.parquet", root / "truth" / HASHES
+    layout = Layout(root)
+    path = layout.derived / LIMITS
     try:
-        recorded = pl.read_parquet_metadata(io.BytesIO(read_regular(path))).get("truth")
-        current = digest(read_regular(truth))
+        recorded = truth_of_limits(read_regular(path))
+        current = digest(read_regular(layout.truth / HASHES))
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
         return  # reported with the other files
     if recorded != current:

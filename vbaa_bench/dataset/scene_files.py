@@ -16,9 +16,9 @@ from typing import Final, NamedTuple
 from solver.instrument.errors import InputError
 from solver.instrument.files import open_regular, write_bytes
 from solver.instrument.hashes import HASHES, digest, read_hashes
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.faults import file_fault
 from vbaa_bench.dataset.layout import FILES
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.scene.files import (
     MAX_BYTES,
     FileContent,

@@ -6,10 +6,23 @@ from typing import Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError, quoted, truncated
+from solver.instrument.hashes import read_bytes
+from vbaa_bench.dataset.layout import METADATA, Layout
 
 # Split of all frames whose scene does not state `splits`.
 ONLY: Final = "train"
+
+
+def read_splits(layout: Layout, number: int) -> pl.DataFrame:
+    """Read `frame_id` and `split` of the frames of a shard. Raises InputError."""
+    path = layout.shard(layout.observations, number) / METADATA
+    data = read_bytes(path)
+    try:
+        frames = pl.read_csv(data, infer_schema=False)
+        return frames.select("frame_id", split_names(frames))
+    except pl.exceptions.PolarsError as error:
+        raise InputError(f"{path}: cannot be read ({truncated(str(error))})") from error
 
 
 def split_names(frames: pl.DataFrame) -> pl.Series:

@@ -9,23 +9,23 @@ import io
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import polars as pl
 
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import HASHES, MEND, digest, hashes_bytes, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import is_collection
-from vbaa_bench.dataset.copied import seal_copy
+from vbaa_bench.dataset.copies import complete_table, new_folder, seal_copy
 from vbaa_bench.dataset.derived import read_limits, write_limits
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.document import read_json
+from vbaa_bench.dataset.format_version import SCHEMA, version_of
+from vbaa_bench.dataset.layout import FAILURES, METADATA, TRUTH_TABLE, Layout, shard_numbers
 from vbaa_bench.dataset.lock import locked
-from vbaa_bench.dataset.manifest import manifest_bytes, read_json
-from vbaa_bench.dataset.parquet import read_parquet
-from vbaa_bench.dataset.readers import check_complete, complete_table
-from vbaa_bench.dataset.schema import SCHEMA, version_of
-
-_FAILURES: Final = "failures.json"
+from vbaa_bench.dataset.manifest import manifest_bytes
+from vbaa_bench.dataset.readers import check_complete
+from vbaa_bench.dataset.splits import read_splits
+from vbaa_bench.dataset.tables import read_parquet
 
 
 class Choice(NamedTuple):
@@ -74,14 +74,10 @@ def subset(source: Path, out: Path, choice: Choice) -> int:
             f"{SCHEMA}; generate the dataset again"
         )
     chosen = _chosen(large, choice)
-    try:
-        if out.exists() and any(out.iterdir()):
-            raise InputError(f"{out}: is not empty; choose another folder")
+    with new_folder(out):
         out.mkdir(parents=True, exist_ok=True)
         with locked(small.lock):
             _write(large, small, chosen, choice)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
     limits = read_limits(large)
     if limits is not None:
         names = {name for frames in chosen.values() for name in frames.names}
@@ -91,30 +87,28 @@ def subset(source: Path, out: Path, choice: Choice) -> int:
 
 def _chosen(layout: Layout, choice: Choice) -> dict[int, Frames]:
     """Return the chosen frames by shard. Raises InputError if there are none."""
-    listed = complete_table(layout.truth)
-    folders = sorted(name.partition("/")[0] for name in listed if name.endswith(f"/{HASHES}"))
+    numbers = shard_numbers(complete_table(layout.truth))
     parts = []
-    for folder in folders:
-        path = layout.truth / folder / "truth.parquet"
-        wanted = ("frame_id", "push_id", "split")
-        table = read_parquet(path, read_bytes(path), wanted.__contains__)
-        parts.append(table.with_columns(shard=pl.lit(int(folder.removeprefix("shard_")))))
+    for number in numbers:
+        path = layout.shard(layout.truth, number) / TRUTH_TABLE
+        table = read_parquet(path, read_bytes(path), {"frame_id", "push_id"}.__contains__)
+        parts.append(table.with_columns(shard=pl.lit(number)))
     frames = pl.concat(parts, how="diagonal_relaxed")
     sizes = dict(frames.group_by("shard").len().iter_rows())
     if choice.shards is not None:
         first, end = choice.shards
         frames = frames.filter(pl.col("shard").is_between(first, end - 1))
     elif choice.split is not None:
-        if "split" not in frames.columns:
-            frames = frames.with_columns(split=pl.lit("train"))
-        names = sorted(frames["split"].drop_nulls().unique())
+        splits = pl.concat([read_splits(layout, number) for number in numbers])
+        names = sorted(splits["split"].unique())
         if choice.split not in names:
             raise InputError(f"--split is {choice.split}, allowed is one of {', '.join(names)}")
-        frames = frames.filter(split=choice.split)
+        chosen = splits.filter(split=choice.split)
+        frames = frames.join(chosen, on="frame_id", how="semi", maintain_order="left")
     elif choice.frames is not None:
         frames = frames.head(choice.frames) if choice.cut_pushes else _pushes(frames, choice.frames)
     if frames.is_empty():
-        raise InputError(f"{layout.root}: has no such frames, there are {len(folders)} shards")
+        raise InputError(f"{layout.root}: has no such frames, there are {len(numbers)} shards")
     by_shard = frames.group_by("shard", maintain_order=True).agg("frame_id")
     return {
         number: Frames(frozenset(names), len(names) == sizes[number])
@@ -147,7 +141,7 @@ def _write(large: Layout, small: Layout, chosen: Mapping[int, Frames], choice: C
             for name, data in _shard_files(large.shard(source, number), frames):
                 (folder / name).write_bytes(data)
                 hashes[name] = digest(data)
-                failed += len(json.loads(data)) if name == _FAILURES else 0
+                failed += len(json.loads(data)) if name == FAILURES else 0
             table = hashes_bytes(hashes)
             (folder / HASHES).write_bytes(table)
             tables[target.name][f"{folder.name}/{HASHES}"] = digest(table)
@@ -178,12 +172,12 @@ def _shard_files(folder: Path, frames: Frames) -> Iterator[tuple[str, bytes]]:
         path = folder / name
         if frames.whole:
             yield name, read_bytes(path)
-        elif name == "truth.parquet":
+        elif name == TRUTH_TABLE:
             stream = io.BytesIO()
             table = read_parquet(path, read_bytes(path))
             table.filter(pl.col("frame_id").is_in(frames.names)).write_parquet(stream)
             yield name, stream.getvalue()
-        elif name == "metadata.csv":
+        elif name == METADATA:
             yield name, _rows(read_bytes(path).decode(), frames).encode()
         elif path.stem in frames.names:
             yield name, read_bytes(path)

@@ -5,12 +5,10 @@ hashes.json with that of its tree, both trees with each other, and the two recor
 """
 
 import contextlib
-import os
-import re
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import polars as pl
 
@@ -18,6 +16,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, checks_itself
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.faults import (
     DAMAGED,
     FOREIGN,
@@ -32,15 +31,12 @@ from vbaa_bench.dataset.faults import (
     missing,
     surplus,
     table_of,
+    unlisted_files,
 )
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.parquet import read_parquet
+from vbaa_bench.dataset.format_version import version_of
+from vbaa_bench.dataset.layout import FAILURES, TRUTH_TABLE, Layout, shard_hashes, shard_numbers
 from vbaa_bench.dataset.result_faults import result_faults
-from vbaa_bench.dataset.schema import version_of
-from vbaa_bench.dataset.writer import FAILURES
-
-_SHARD: Final = re.compile(r"shard_(\d{5,})")
+from vbaa_bench.dataset.tables import read_parquet
 
 
 @dataclass
@@ -72,7 +68,7 @@ def faults(
     shards = {number: _shards(rig) for number, rig in rigs.items()}
     total = sum(map(len, shards.values()))
 
-    def tick() -> None:
+    def on_shard() -> None:
         counts.shards += 1
         progress(counts.shards, total)
 
@@ -81,7 +77,7 @@ def faults(
         yield from result_faults(root, methods)
     for number, rig in rigs.items():
         counts.datasets += 1
-        yield from _dataset_faults(rig, shards[number], counts, tick)
+        yield from _dataset_faults(rig, shards[number], counts, on_shard)
         yield from result_faults(rig.root, methods)
 
 
@@ -123,13 +119,13 @@ def _shards(layout: Layout) -> list[int]:
     """List the numbers of all shards that exist or are listed in one of the trees."""
     names = set[str]()
     for tree in layout.trees:
-        names |= {name.partition("/")[0] for name in table_of(tree).hashes or {}}
+        names |= (table_of(tree).hashes or {}).keys()
         names |= {path.name for path in tree.iterdir()} if tree.is_dir() else set()
-    return sorted(int(match[1]) for name in names if (match := _SHARD.fullmatch(name)))
+    return shard_numbers(names)
 
 
 def _dataset_faults(
-    layout: Layout, shards: list[int], counts: Counts, tick: Callable[[], None]
+    layout: Layout, shards: list[int], counts: Counts, on_shard: Callable[[], None]
 ) -> Iterator[Fault]:
     records = _records(layout)
     yield from records.faults
@@ -145,7 +141,7 @@ def _dataset_faults(
         yield from _surplus(layout, tree, table, shards)
     for number in shards:
         yield from _shard_faults(layout, number, tables, counts)
-        tick()
+        on_shard()
     for path in sorted(layout.all_aside()):
         yield Fault(path, SURPLUS, "was left by an interrupted command")
 
@@ -158,7 +154,7 @@ def _table_faults(layout: Layout, tree: Path, table: Table, version: int) -> Ite
         yield table.fault
     elif version > 1 and not checks_itself(read_regular(path)):
         yield Fault(path, DAMAGED, "does not include its own sha256")
-    for needed in (layout.identity, layout.manifest, layout.observations / "rig.json"):
+    for needed in (layout.identity, layout.manifest, layout.rig):
         if needed.parent == tree and table.hashes is not None and needed.name not in table.hashes:
             yield Fault(needed, UNRECORDED, "has no recorded sha256")
 
@@ -169,13 +165,7 @@ def _surplus(layout: Layout, tree: Path, table: Table, shards: list[int]) -> Ite
         return
     known = {tree / name for name in table.hashes} | {tree / HASHES}
     folders = {layout.shard(tree, number) for number in shards}
-    for folder, subfolders, files in os.walk(tree):
-        path = Path(folder)
-        linked = [name for name in subfolders if (path / name).is_symlink()]
-        subfolders[:] = sorted(n for n in subfolders if path / n not in folders)
-        for name in sorted((*linked, *files)):
-            if path / name not in known and path / name not in folders:
-                yield surplus(path / name)
+    yield from map(surplus, unlisted_files(tree, known, folders))
 
 
 def _shard_faults(
@@ -185,7 +175,7 @@ def _shard_faults(
     whole = True
     for tree in layout.trees:
         folder, listed = layout.shard(tree, number), tables[tree].hashes
-        recorded = (listed or {}).get(f"{folder.name}/{HASHES}")
+        recorded = (listed or {}).get(shard_hashes(number))
         if listed is not None and recorded is None:
             whole = False
             yield Fault(folder, FOREIGN, f"is not in {tree / HASHES}")
@@ -208,7 +198,7 @@ def _frame_faults(layout: Layout, number: int, counts: Counts) -> Iterator[Fault
     folder = layout.shard(layout.truth, number)
     images = {path.stem for path in layout.shard(layout.observations, number).glob("*.png")}
     counts.frames += len(images)
-    path = folder / "truth.parquet"
+    path = folder / TRUTH_TABLE
     try:
         table = read_parquet(path, read_regular(path), lambda name: name == "frame_id")
         frames = set(table["frame_id"])
@@ -229,7 +219,7 @@ class _Records(NamedTuple):
 
 def _records(layout: Layout) -> _Records:
     """Compare the identity with the manifest. Bytes are compared with the hashes elsewhere."""
-    found, versions, documents = list[Fault](), [1], list[dict[str, Any]]()
+    record_faults, versions, documents = list[Fault](), [1], list[dict[str, Any]]()
     for path in (layout.identity, layout.manifest):
         if not path.is_file():
             continue
@@ -241,14 +231,18 @@ def _records(layout: Layout) -> _Records:
             versions.append(version_of(path, document))
             documents.append(document)
         except InputError as error:
-            found.append(Fault(path, VERSION, str(error).removeprefix(f"{path}: ")))
+            record_faults.append(Fault(path, VERSION, str(error).removeprefix(f"{path}: ")))
     if len(documents) == 2:
         identity, manifest = documents
         scenes = [dict(one.get("scene") or {}) for one in documents]
         for scene in scenes:
             scene.pop("title", None)
         if scenes[0] != scenes[1]:
-            found.append(Fault(layout.manifest, FOREIGN, "has another scene than identity.json"))
+            record_faults.append(
+                Fault(layout.manifest, FOREIGN, "has another scene than identity.json")
+            )
         elif identity.get("schema", 1) != manifest.get("schema", 1):
-            found.append(Fault(layout.manifest, VERSION, "has another schema than identity.json"))
-    return _Records(found, max(versions))
+            record_faults.append(
+                Fault(layout.manifest, VERSION, "has another schema than identity.json")
+            )
+    return _Records(record_faults, max(versions))

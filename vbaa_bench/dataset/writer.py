@@ -19,10 +19,8 @@ from solver.instrument.hashes import HASHES, digest, hashes_bytes
 from solver.instrument.images import png_bytes
 from vbaa_bench.dataset.aside import Aside, aside
 from vbaa_bench.dataset.exr import exr_bytes
-from vbaa_bench.dataset.layout import Layout, shard_name
+from vbaa_bench.dataset.layout import FAILURES, METADATA, TRUTH_TABLE, Layout, shard_name
 
-# Reasons by frame id, in the truth of a shard that lacks frames.
-FAILURES: Final = "failures.json"
 # Chosen: two writers of a shard can get in each other's way once or twice.
 _ATTEMPTS: Final = 10
 
@@ -96,11 +94,11 @@ class ShardWriter:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(self._metadata[0] if self._metadata else ("file_name", "frame_id"))
         table.writerows(row.values() for row in self._metadata)
-        self._write("observations", "metadata.csv", stream.getvalue().encode())
+        self._write("observations", METADATA, stream.getvalue().encode())
         parquet = io.BytesIO()
         empty = {} if self._rows else {"frame_id": pl.String}
         pl.DataFrame(self._rows, empty or None, infer_schema_length=None).write_parquet(parquet)
-        self._write("truth", "truth.parquet", parquet.getvalue())
+        self._write("truth", TRUTH_TABLE, parquet.getvalue())
         if self._failures:
             failures = json.dumps(dict(sorted(self._failures.items())), indent=2)
             self._write("truth", FAILURES, f"{failures}\n".encode())

@@ -8,7 +8,7 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.column import Column, Kind
-from vbaa_bench.dataset.columns import JOINED, READINGS, TRUTH
+from vbaa_bench.dataset.dataset_columns import JOINED, READINGS, TRUTH
 
 CENTRELINE: Final = "centreline_"
 # Columns that are added to those of metadata.csv and truth.parquet. `shard` is not exported.

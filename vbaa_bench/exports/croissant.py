@@ -15,7 +15,7 @@ import polars as pl
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import sha256, write_text
 from solver.instrument.hashes import HASHES, read_hashes
-from vbaa_bench.dataset.columns import READINGS
+from vbaa_bench.dataset.dataset_columns import READINGS
 from vbaa_bench.exports.columns import PLACE
 from vbaa_bench.exports.croissant_document import (
     Node,

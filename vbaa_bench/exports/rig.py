@@ -14,11 +14,10 @@ from solver.instrument.camera import Camera
 from solver.instrument.errors import DamageError, InputError, quoted, truncated
 from solver.instrument.hashes import HASHES, MEND, read_bytes, read_hashes
 from solver.instrument.images import png_head
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import METADATA, Layout, shard_numbers
 from vbaa_bench.dataset.readers import Truth, open_manifest, read_shard
+from vbaa_bench.dataset.splits import split_names
 
-# Split of frames whose scene states no splits.
-WHOLE: Final = "train"
 # Columns of metadata.csv that are no numbers.
 _TEXTS: Final = {"file_name", "frame_id", "push_id", "split"}
 # Files of a rig outside shards; other names in a hashes.json, such as ../name, are left out.
@@ -83,16 +82,15 @@ class Rig:
 
         The columns `rig`, `shard` and `split` are always present. Raises InputError.
         """
-        metadata = self.layout.shard(self.layout.observations, shard) / "metadata.csv"
+        metadata = self.layout.shard(self.layout.observations, shard) / METADATA
         try:
             truth = read_shard(self.truth, shard, centrelines=centrelines)
             table = _joined(metadata, _readings(metadata), truth)
             if not table.height:  # all its frames have failed
                 return table
             self._check_names(metadata.parent, table["frame_id"])
-            split = pl.col("split") if "split" in table.columns else pl.lit(WHOLE).alias("split")
-            place = [pl.lit(self.name).alias("rig"), pl.lit(shard).alias("shard"), split]
-            return table.with_columns(place).select(*INDEX, pl.exclude(*INDEX))
+            place = {"rig": pl.lit(self.name), "shard": pl.lit(shard), "split": split_names(table)}
+            return table.with_columns(**place).select(*INDEX, pl.exclude(*INDEX))
         except pl.exceptions.PolarsError as error:
             raise InputError(f"{metadata}: cannot be read ({truncated(str(error))})") from error
 
@@ -107,14 +105,10 @@ class Rig:
 
     def shards(self) -> list[int]:
         """List the numbers of the shards. Raises DamageError if the trees have different ones."""
-        numbers = []
-        for tree in (self.layout.observations, self.layout.truth):
-            names = {name.partition("/")[0] for name in read_hashes(tree) or {}}
-            shards = [name.removeprefix("shard_") for name in names if name.startswith("shard_")]
-            numbers.append(sorted(int(text) for text in shards if text.isdigit()))
-        if numbers[0] != numbers[1]:
+        truth, observations = (shard_numbers(read_hashes(tree) or {}) for tree in self.layout.trees)
+        if truth != observations:
             raise DamageError(f"{self.layout.root}: its trees have different shards; {MEND}")
-        return numbers[0]
+        return truth
 
 
 def _readings(path: Path) -> pl.DataFrame:

@@ -12,8 +12,8 @@ from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
 from vbaa_bench.assembly.pushes import Pushes
 from vbaa_bench.dataset.aside import Aside, aside
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.writer import ShardWriter, shard_writer
 from vbaa_bench.generation.deaths import ImageError
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, RenderedFrame
@@ -55,7 +55,7 @@ class DatasetWorker:
         self._pushes = Pushes(self.file, rig, self.renderer.pushes)
         self._frames = Frames(scene)
 
-    def meter(self, tick: Callable[[], None], given_up: Mapping[str, str]) -> MeteringRecord:
+    def meter(self, on_progress: Callable[[], None], given_up: Mapping[str, str]) -> MeteringRecord:
         """Measure the exposure; learn the numbers of samples from the first frames.
 
         Frames that are impossible, fail twice or are given up are left out, and recorded with the
@@ -82,7 +82,7 @@ class DatasetWorker:
                 failed |= self._failures(exposed, specs, own)
                 specs = [spec for spec in specs if spec.frame_id not in failed]
                 metering = self.renderer.learned(exposed, specs, own.begin)
-        tick()
+        on_progress()
         return MeteringRecord(metering, tuple(spec.frame_id for spec in specs), failed)
 
     def _failures(
@@ -97,7 +97,7 @@ class DatasetWorker:
             except Exception as error:  # noqa: BLE001  # recorded
                 yield spec.frame_id, self._reason(error)
 
-    def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
+    def image(self, on_progress: Callable[[], None], name: str, exposure: float) -> str:
         """Save one calibration or rest image, such as rest/rest_00.png; return its sha256.
 
         Raises ImageError if it cannot be rendered.
@@ -108,7 +108,7 @@ class DatasetWorker:
             image = rendered(int(number), exposure)
         data = png_bytes(image)
         write_bytes(self.layout.observations / name, data)
-        tick()
+        on_progress()
         return digest(data)
 
     @contextlib.contextmanager
@@ -124,7 +124,7 @@ class DatasetWorker:
 
     def shard(
         self,
-        tick: Callable[[], None],
+        on_progress: Callable[[], None],
         number: int,
         frames: Sequence[FrameName],
         metering: Metering,
@@ -140,7 +140,7 @@ class DatasetWorker:
             for name in sorted(frames, key=lambda name: name.number):
                 writer.begin(name.frame_id)
                 self._add(writer, name, metering, given_up)
-                tick()
+                on_progress()
         return WrittenShard(writer.digests, writer.failed)
 
     def _add(

@@ -230,7 +230,7 @@ class FrameRenderer:
     def frame(self, spec: FrameSpec, metering: Metering) -> RenderedFrame:
         """Render one frame and collect its truth."""
         pose = self.pose(spec)
-        image, rendered = self.photograph(spec, metering)
+        image, rendered = self.expose_frame(spec, metering)
         line = self.assembler.centreline(pose)
         visible = visibility(rendered.coverage, self._knocked.camera, line, self.rig.beam.radius)
         truth = truth_row(pose.experiment, spec, pose.state, pose.hidden, visible)
@@ -246,7 +246,7 @@ class FrameRenderer:
         )
         return RenderedFrame(image, values, truth, rendered.by_name())
 
-    def photograph(self, spec: FrameSpec, metering: Metering) -> tuple[Grey, RenderedRadiance]:
+    def expose_frame(self, spec: FrameSpec, metering: Metering) -> tuple[Grey, RenderedRadiance]:
         """Render one frame: its gray image, and the radiance it was exposed to."""
         poses = exposure_poses(self.pose(spec), self.scene, self.rig)
         level, averaged = spec.scene.light_level, averaged_poses(self.scene, len(poses))

@@ -1,7 +1,7 @@
 """Generation of a dataset: scene -> mechanics -> geometry -> render -> sensor -> dataset."""
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
@@ -11,20 +11,18 @@ from solver.instrument.rig_json import rig_to_json
 from vbaa_bench.assembly.plan import check_scene
 from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
-from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
 from vbaa_bench.dataset.layout import FILES, Layout
-from vbaa_bench.dataset.lock import FolderError, locked
-from vbaa_bench.dataset.manifest import seal
+from vbaa_bench.dataset.lock import locked, writing
+from vbaa_bench.dataset.manifest import dataset_facts, seal
 from vbaa_bench.dataset.scene_files import check_copies, copy_files
-from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.dataset_worker import dataset_worker
 from vbaa_bench.generation.deaths import Deaths
+from vbaa_bench.generation.inventory import Contents, open_for_growth, surplus, take_inventory
 from vbaa_bench.generation.metering_record import recorded_metering
-from vbaa_bench.generation.missing_files import MissingFiles, shard_hashes
-from vbaa_bench.scene.frames import FrameName, Frames
+from vbaa_bench.generation.missing_files import MissingFiles
+from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
-from vbaa_bench.scene.schema import Scene
 from vbaa_bench.workers.cluster import ClusterAddress, ClusterPool
 from vbaa_bench.workers.jobs import SameProcess, Workers
 from vbaa_bench.workers.pool import Pool
@@ -41,7 +39,7 @@ class Machine(NamedTuple):
 
     variant: str
     workers: int
-    threads: int | None
+    threads: int | None = None
     cluster: ClusterAddress | None = None
 
     def pool(
@@ -67,12 +65,8 @@ class Part(NamedTuple):
     total: int
 
 
-# Frames by the number of their shard.
-Shards = Mapping[int, tuple[FrameName, ...]]
-
-
-def _ignore(*_: object) -> None:
-    pass
+def ignore(*_: object) -> None:
+    """Accept progress and remarks, and do nothing."""
 
 
 def generate(
@@ -81,8 +75,8 @@ def generate(
     variant: str,
     workers: int,
     progress: Progress,
-    planning: Progress = _ignore,
-    remark: Callable[[str], None] = _ignore,
+    planning: Progress = ignore,
+    remark: Callable[[str], None] = ignore,
     *,
     threads: int | None = None,
     part: Part | None = None,
@@ -109,7 +103,7 @@ def generate(
     another version of the code.
     """
     layout, machine = Layout(root), Machine(variant, workers, threads, cluster)
-    try:
+    with writing(layout.root):
         identity = dataset_identity(file, variant)
         check_identity(layout, identity)
         with _locked_folder(layout):
@@ -122,15 +116,12 @@ def generate(
                 for number, shard in enumerate(Frames(file.scene).in_shards())
                 if part is None or number % part.total == part.number - 1
             }
+            contents = Contents.of_scene(file.scene, shards, identity[FILES])
             if state == "smaller":
-                open_for_growth(layout, _contents(file.scene, shards, identity[FILES]))
+                open_for_growth(layout, contents)
             write_identity(layout, identity)
             deaths = Deaths(dict(given_up or {}))
-            _complete(file, identity[FILES], shards, layout, machine, progress, remark, deaths)
-    except OSError as error:
-        raise FolderError(
-            f"{layout.root}: cannot be written ({error.strerror or error})"
-        ) from error
+            _complete(file, identity[FILES], contents, layout, machine, progress, remark, deaths)
     return layout
 
 
@@ -151,7 +142,7 @@ def _locked_folder(layout: Layout) -> Iterator[None]:
 def _complete(
     file: SceneFile,
     digests: Mapping[str, str],
-    shards: Shards,
+    contents: Contents,
     layout: Layout,
     machine: Machine,
     progress: Progress,
@@ -163,7 +154,6 @@ def _complete(
     `digests` are the sha256 of the files that the scene names. Only copies of them are rendered.
     """
     scene, rig = file.scene, true_rig(file.scene)
-    contents = _contents(scene, shards, digests)
     _remove_surplus(layout, contents, remark)
     inventory = take_inventory(layout, contents)
     for sentence in inventory.damage:
@@ -174,34 +164,26 @@ def _complete(
     hashes["truth"][layout.identity.name] = digest(layout.identity.read_bytes())
     for folder in {path.parent for path in map(PurePath, contents.images)}:
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
-    hashes["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
+    rig_json = rig_to_json(nominal_rig(scene)).encode()
+    if not holds(layout.rig, rig_json):
+        write_bytes(layout.rig, rig_json)
+    hashes["observations"][layout.rig.name] = digest(rig_json)
     record = recorded_metering(layout, inventory)
-    if record is not None and _is_rendered(contents, hashes):
+    missing = MissingFiles(layout, contents, inventory, deaths)
+    if record is not None and not (missing.images or missing.shards):
         metering = record.metering
     else:
         identity = hashes["truth"][layout.identity.name]
         built = layout.root.resolve(), identity, machine.variant, machine.threads_each
         with machine.pool(dataset_worker, built, remark) as pool:
-            missing = MissingFiles(layout, contents, shards, inventory, deaths)
             metering = missing.generate(pool, progress, record)
     hashes["truth"][layout.metering.name] = digest(layout.metering.read_bytes())
     failed = sum(inventory.failed.values())
-    facts = dataset_facts(scene, rig, metering, machine.variant)
-    facts |= {"frames": sum(map(len, shards.values())) - failed, "failed_frames": failed}
+    factors = metering.table.factors
+    facts = dataset_facts(scene, rig, machine.variant, metering.exposure, factors)
+    facts |= {"frames": sum(map(len, contents.shards.values())) - failed, "failed_frames": failed}
     check_copies(digests, layout.files)
     seal(layout, facts, hashes)
-
-
-def _contents(scene: Scene, shards: Shards, files: Collection[str]) -> Contents:
-    return Contents(
-        images=(
-            *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
-            *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
-        ),
-        shards={n: tuple(spec.frame_id for spec in shard) for n, shard in shards.items()},
-        layers=bool(scene.layers),
-        files=tuple(files),
-    )
 
 
 def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
@@ -210,18 +192,3 @@ def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], 
         path.unlink()
         if not path.name.endswith(".part"):  # left by an interrupted write
             remark(f"{path}: was not generated; it is removed")
-
-
-def _rig(layout: Layout, text: str) -> str:
-    """Write rig.json unless it exists with the right content; return its sha256."""
-    path, data = layout.observations / "rig.json", text.encode()
-    if not holds(path, data):
-        write_bytes(path, data)
-    return digest(data)
-
-
-def _is_rendered(contents: Contents, hashes: Mapping[str, Mapping[str, str]]) -> bool:
-    """Return whether no image has to be rendered."""
-    shards = {shard_hashes(number) for number in contents.shards}
-    rendered = {*contents.images, *shards} <= hashes["observations"].keys()
-    return rendered and shards <= hashes["truth"].keys()

@@ -15,11 +15,11 @@ import numpy as np
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import digest
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.faults import table_of
-from vbaa_bench.dataset.inventory import Inventory
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.inventory import Inventory
 from vbaa_bench.render.sample_table import SampleTable
 
 

@@ -1,17 +1,15 @@
 """Generation of the files that a dataset lacks, by workers that may die."""
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from solver.instrument.hashes import HASHES
-from vbaa_bench.dataset.inventory import Contents, Inventory
-from vbaa_bench.dataset.layout import Layout, shard_name
+from vbaa_bench.dataset.layout import Layout, shard_hashes, shard_name
 from vbaa_bench.generation.dataset_worker import WrittenShard, image_job
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.inventory import Contents, Inventory
 from vbaa_bench.generation.metering_record import MeteringRecord, write_metering
-from vbaa_bench.scene.frames import FrameName
 from vbaa_bench.workers.jobs import Job, WorkerDiedError, Workers
 
 
@@ -24,9 +22,20 @@ class MissingFiles:
 
     layout: Layout
     contents: Contents
-    shards: Mapping[int, tuple[FrameName, ...]]
     inventory: Inventory
     deaths: Deaths
+
+    @property
+    def images(self) -> list[str]:
+        """Names of the missing board views and rest images."""
+        intact = self.inventory.whole["observations"]
+        return [name for name in self.contents.images if name not in intact]
+
+    @property
+    def shards(self) -> list[int]:
+        """Numbers of the missing shards."""
+        intact = self.inventory.whole["observations"]
+        return [number for number in self.contents.shards if shard_hashes(number) not in intact]
 
     def generate(
         self,
@@ -39,12 +48,10 @@ class MissingFiles:
         Raises what the workers raise, ImageError if processes die at an image without which there
         is no dataset, and WorkerDiedError if they die for other reasons than single images.
         """
-        observations = self.inventory.whole["observations"]
-        images = [name for name in self.contents.images if name not in observations]
-        numbers = [n for n in self.shards if shard_hashes(n) not in observations]
+        images, numbers, shards = self.images, self.shards, self.contents.shards
         # One more than the number of images: the exposure is metered on an image that is not kept.
-        total = sum(map(len, self.shards.values())) + len(self.contents.images) + 1
-        missing = sum(len(self.shards[n]) for n in numbers) + len(images)
+        total = sum(map(len, shards.values())) + len(self.contents.images) + 1
+        missing = sum(len(shards[n]) for n in numbers) + len(images)
         progress(total - missing - 1, total)
         if record is None:
             record = self._metered(workers)
@@ -59,7 +66,7 @@ class MissingFiles:
         ):
             name = ended.job.arguments[0]
             if ended.job.method == "image":
-                observations[name] = ended.result
+                self.inventory.whole["observations"][name] = ended.result
             else:
                 self._record(name, ended.result)
         return metering
@@ -85,19 +92,15 @@ class MissingFiles:
         return Job("meter", (dict(self.deaths.given_up),))
 
     def _shard_job(self, number: int, metering: Metering) -> Job:
+        frames = self.contents.shards[number]
         given_up = {
             name.frame_id: self.deaths.given_up[name.frame_id]
-            for name in self.shards[number]
+            for name in frames
             if name.frame_id in self.deaths.given_up
         }
-        return Job("shard", (number, self.shards[number], metering, given_up))
+        return Job("shard", (number, frames, metering, given_up))
 
     def _record(self, number: int, written: WrittenShard) -> None:
         self.inventory.failed[number] = written.failed
         for tree, value in written.digests.items():
             self.inventory.whole[tree][shard_hashes(number)] = value
-
-
-def shard_hashes(number: int) -> str:
-    """Name the hashes.json of a shard in the hashes.json of its tree."""
-    return f"{shard_name(number)}/{HASHES}"

@@ -1,6 +1,5 @@
 """Repair of a dataset or collection: what can be rendered again is, damaged results are removed."""
 
-import math
 import shutil
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -9,20 +8,19 @@ from typing import Final
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.faults import SURPLUS, Fault, table_of
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.format_version import migrated_identity, migrated_manifest
+from vbaa_bench.dataset.layout import Layout, shard_numbers
 from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.dataset.result_faults import RESULTS
-from vbaa_bench.dataset.schema import migrated_identity, migrated_manifest
-from vbaa_bench.generation.collection import failed, generate_collection
-from vbaa_bench.generation.generate import Part, generate
+from vbaa_bench.generation.generate import Part, Progress, generate
+from vbaa_bench.generation.generate_collection import failed, generate_collection
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile, check_scene, recorded_scene
 
 _RESULTS: Final = {results.folder for results in RESULTS}
-Progress = Callable[[int, int], None]
 
 
 def repair(
@@ -141,9 +139,8 @@ def _part(layout: Layout, file: SceneFile) -> Part | None:
         raise InputError(
             f"{layout.root}: is incomplete; run the command that generates it again to finish it"
         )
-    names = {name.partition("/")[0] for table in tables for name in table}
-    numbers = sorted(int(name[6:]) for name in names if name.startswith("shard_"))
-    total = math.ceil(Frames(file.scene).count / file.scene.frames_per_shard)
+    numbers = shard_numbers(name for table in tables for name in table)
+    total = Frames(file.scene).shards
     if numbers == list(range(total)):
         return None
     first = numbers[0] if numbers else 0

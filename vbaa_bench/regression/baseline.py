@@ -16,9 +16,8 @@ from pydantic import Field
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.files import write_text
 from vbaa_bench.dataset.column import Kind
-from vbaa_bench.dataset.document import Document, Figure, check_document
-from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.table_schema import Schema, checked
+from vbaa_bench.dataset.document import Document, Figure, check_document, read_json
+from vbaa_bench.dataset.tables import Schema, checked
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.regression.scored_run import PARAMETERS, PLACE, RESULTS, TEXTS, ScoredRun
 

@@ -9,7 +9,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError, truncated
 from solver.instrument.images import decode_grey
-from vbaa_bench.dataset.exr_channels import decode_channels
+from vbaa_bench.dataset.exr import decode_channels
 from vbaa_bench.dataset.scene_files import read_file
 from vbaa_bench.scene.files import FileContent, unusable_file
 from vbaa_bench.scene.lights.environment import plane_irradiance

@@ -5,8 +5,7 @@ from typing import Final, NamedTuple
 
 from pydantic import RootModel
 
-from vbaa_bench.dataset.document import Document, Figure, check_document
-from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.document import Document, Figure, check_document, read_json
 from vbaa_bench.dataset.recorded import exists
 
 # Shares that are no causes: the first and the last of every method.

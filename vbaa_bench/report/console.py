@@ -1,7 +1,7 @@
 """Output of commands: progress and remarks on stderr, results on stdout, as text or JSON."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,16 @@ def progress_bars(*, shown: bool = True) -> Progress:
         console=console,
         disable=not shown,
     )
+
+
+def progress_bar(bars: Progress, name: str, *, hidden: bool = False) -> Callable[[int, int], None]:
+    """Add a bar, which may be hidden until it moves; return a function of `done` and `total`."""
+    task = bars.add_task(name, total=None, visible=not hidden)
+
+    def move(done: int, total: int) -> None:
+        bars.update(task, completed=done, total=total, visible=True)
+
+    return move
 
 
 def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

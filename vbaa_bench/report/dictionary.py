@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from vbaa_bench.dataset.column import Column, markdown, unit
-from vbaa_bench.dataset.columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
+from vbaa_bench.dataset.dataset_columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
 from vbaa_bench.scoring.score_columns import FACTORS, LIMITS, PREDICTIONS, SCORES, STRATA_TABLE
 
 

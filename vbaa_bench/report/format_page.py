@@ -13,14 +13,13 @@ from vbaa_bench.dataset import (
     collection,
     derived,
     exr,
-    exr_channels,
+    format_version,
     layout,
     overall_digest,
-    parquet,
     recorded,
     scene_files,
-    schema,
     subset,
+    tables,
 )
 from vbaa_bench.scene import files
 from vbaa_bench.scoring import layout as results
@@ -44,7 +43,7 @@ _SECTIONS: Final = (
     Section("Hashes", hashes),
     Section("Hashes of results", recorded),
     Section("Digest", overall_digest),
-    Section("Version of the format", schema),
+    Section("Version of the format", format_version),
 )
 _HEAD: Final = """# Format of datasets
 
@@ -64,7 +63,7 @@ def page() -> str:
     parts = [_HEAD]
     for section in _SECTIONS:
         parts.append(f"## {section.heading}\n\n{_text(section.module)}\n")
-        if section.module is schema:
+        if section.module is format_version:
             parts.append(_versions())
         if section.module is results:
             parts.append(_assumptions())
@@ -82,8 +81,11 @@ def _text(module: ModuleType) -> str:
 
 def _versions() -> str:
     lines = ["| from version | to version | what changed |", "|---:|---:|---|"]
-    lines += [f"| {k} | {k + 1} | {step.changes} |" for k, step in enumerate(schema.STEPS, start=1)]
-    return "\n".join([f"The current version is {schema.SCHEMA}.", "", *lines, ""])
+    lines += [
+        f"| {k} | {k + 1} | {step.changes} |"
+        for k, step in enumerate(format_version.STEPS, start=1)
+    ]
+    return "\n".join([f"The current version is {format_version.SCHEMA}.", "", *lines, ""])
 
 
 def _assumptions() -> str:
@@ -104,9 +106,9 @@ def _layers() -> str:
 def _bounds() -> str:
     bounds = {
         "pixels of a PNG image": MAX_PIXELS,
-        "values (pixels times channels) of an OpenEXR image": exr_channels.MAX_VALUES,
-        "values (rows times columns) of a table of one shard or of predictions": parquet.MAX_VALUES,
-        "values of a table of scores or limits": parquet.MAX_SCORED_VALUES,
+        "values (pixels times channels) of an OpenEXR image": exr.MAX_VALUES,
+        "values (rows times columns) of a table of one shard or of predictions": tables.MAX_VALUES,
+        "values of a table of scores or limits": tables.MAX_SCORED_VALUES,
         **{f"bytes of a file that a scene names, {k}": v for k, v in files.MAX_BYTES.items()},
     }
     lines = ["| bound | value |", "|---|---:|", *(f"| {k} | {v:,} |" for k, v in bounds.items())]

@@ -125,6 +125,11 @@ class Frames:
         return self.pushes * self._per_push
 
     @property
+    def shards(self) -> int:
+        """Number of shards in which the frames are written."""
+        return math.ceil(self.count / self._scene.frames_per_shard)
+
+    @property
     def distinct_pushes(self) -> int:
         """Number of pushes that differ, the first ones; repetitions differ by random keys only."""
         return self.pushes if self._scene.random_keys else self._per_repeat

@@ -21,8 +21,9 @@ from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path
 from solver.methods import METHODS
 from solver.methods.by_name import find_method
+from vbaa_bench.dataset.copies import copy_observations
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.readers import check_complete, copy_observations
+from vbaa_bench.dataset.readers import check_complete
 from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import polars as pl
 
 from vbaa_bench.dataset.column import SIGMA_D, Column, Presence
-from vbaa_bench.dataset.columns import TRUTH
-from vbaa_bench.dataset.table_schema import LARGEST
+from vbaa_bench.dataset.dataset_columns import TRUTH
+from vbaa_bench.dataset.document import LARGEST
 from vbaa_bench.scoring.scored_quantities import VECTORS, components
 
 FAILED: Final = "the frame has failed, or the method does not estimate it"

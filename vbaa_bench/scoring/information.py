@@ -6,8 +6,9 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.derived import LIMITS, read_limits
+from vbaa_bench.dataset.document import LARGEST
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.table_schema import LARGEST, checked
+from vbaa_bench.dataset.tables import checked
 from vbaa_bench.scoring.score_columns import LIMIT_SCHEMA
 from vbaa_bench.scoring.scored_quantities import LIMITED
 

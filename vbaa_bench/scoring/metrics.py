@@ -10,10 +10,10 @@ import polars as pl
 from solver.instrument.errors import InputError, cell_text, quoted, truncated
 from solver.instrument.estimate import Assumption, Outcome
 from solver.instrument.hashes import read_bytes
-from vbaa_bench.dataset.parquet import read_parquet
+from vbaa_bench.dataset.document import LARGEST
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.dataset.recorded import exists
-from vbaa_bench.dataset.table_schema import LARGEST
+from vbaa_bench.dataset.tables import read_parquet
 from vbaa_bench.scoring.computed_scores import COMPUTED
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import information_of, with_limits

@@ -11,12 +11,10 @@ import polars as pl
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import read_bytes
 from solver.methods import METHODS
-from vbaa_bench.dataset.document import Document, check_document
-from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
+from vbaa_bench.dataset.document import Document, check_document, read_json
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
-from vbaa_bench.dataset.table_schema import checked
+from vbaa_bench.dataset.tables import MAX_SCORED_VALUES, checked, read_parquet
 from vbaa_bench.scoring.information import scored_limits
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import (

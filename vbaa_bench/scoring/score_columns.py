@@ -5,8 +5,8 @@ from typing import Final
 
 from solver.instrument.quantities import QUANTITIES
 from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column, Kind, Presence
-from vbaa_bench.dataset.columns import JOINED, TRUTH
-from vbaa_bench.dataset.table_schema import schema_of
+from vbaa_bench.dataset.dataset_columns import JOINED, TRUTH
+from vbaa_bench.dataset.tables import schema_of
 from vbaa_bench.scoring.computed_scores import COMPUTED, FAILED, VECTOR_ERRORS
 from vbaa_bench.scoring.conditions import CONDITIONS, FACTOR_PREFIX, STRATA
 from vbaa_bench.scoring.scored_quantities import (

@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from vbaa_bench.dataset.manifest import versions
+from vbaa_bench.dataset.program import versions
 from vbaa_bench.scoring.bootstrap import group_numbers, median_interval
 from vbaa_bench.scoring.efficiency import efficiency
 from vbaa_bench.scoring.scored_quantities import (

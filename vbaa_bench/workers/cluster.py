@@ -6,9 +6,7 @@ results only. Lost workers and a restarted scheduler cost time, but no data: a j
 
 import contextlib
 import functools
-import hashlib
 import importlib
-import json
 import pickle
 import socket
 import time
@@ -24,8 +22,7 @@ from ruamel.yaml.error import YAMLError
 
 from solver.instrument.errors import InputError
 from solver.instrument.safe_path import safe_path
-from vbaa_bench.dataset.code import code_digests
-from vbaa_bench.dataset.manifest import versions
+from vbaa_bench.dataset.program import program_digest
 from vbaa_bench.scene.user_modules import modules_in_use
 from vbaa_bench.workers.jobs import Ended, Job, WorkerDiedError, Workers
 
@@ -154,7 +151,7 @@ class ClusterPool(Workers):
     ) -> None:
         self._address, self._remark = address, remark
         self._built = pickle.dumps((modules_in_use(), build, arguments))
-        self._program = _program()
+        self._program = program_digest()
         self._clients = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
@@ -263,7 +260,7 @@ def _run(program: str, pickled: bytes, job: Job) -> _Counted:
 
     key = program, pickled
     if _RESIDENT.key != key:
-        if program != _program():
+        if program != program_digest():
             raise InputError(
                 f"worker on {socket.gethostname()}: has another version of the program or of its "
                 "packages, allowed is the version that submits the jobs"
@@ -276,10 +273,3 @@ def _run(program: str, pickled: bytes, job: Job) -> _Counted:
         except InputError as error:
             raise InputError(f"worker on {socket.gethostname()}: {error}") from error
     return _Counted(getattr(_RESIDENT.built, job.method)(piece_done, *job.arguments), pieces)
-
-
-@functools.cache
-def _program() -> str:
-    """Compute a digest of the code and of the versions of packages that decide the data."""
-    record = json.dumps([versions(), code_digests()], sort_keys=True)
-    return hashlib.sha256(record.encode()).hexdigest()

@@ -75,3 +75,13 @@ def own_memory_mb() -> float:
     import resource  # not on Windows
 
     return memory_mb("self") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+
+
+def peak_memory_bytes() -> int | None:
+    """Return the peak memory of this process [bytes], None if it is unknown."""
+    if sys.platform == "win32":
+        return None
+    import resource  # not on Windows
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak

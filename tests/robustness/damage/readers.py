@@ -10,9 +10,10 @@ from typing import Final
 
 from solver.antenna import Antenna
 from solver.instrument.observation import open_observations, open_rig
+from vbaa_bench.dataset.copies import copy_observations
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.readers import copy_observations, open_truth
+from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.report.report import report
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import antenna_of

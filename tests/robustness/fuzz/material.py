@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Final
 
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.collection import generate_collection
 from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.generate_collection import generate_collection
 from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.scored_run import read_run
 from vbaa_bench.render.variant import choose

@@ -10,9 +10,9 @@ from tests.robustness.fuzz.datasets import copied, replaced
 from tests.robustness.fuzz.documents import json_bytes
 from tests.robustness.fuzz.trees import mutated
 from tests.robustness.fuzz.uses import USES, compare, report, store_baseline, warm_up
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.identity import check_identity, dataset_identity
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.scene.load import load_scene, recorded_scene
 
 _FILES: Final = (

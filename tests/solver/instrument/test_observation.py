@@ -17,7 +17,7 @@ from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, open_rig
 from tests.draws import scene_seed
-from vbaa_bench.dataset.exr_channels import channels
+from vbaa_bench.dataset.exr import channels
 from vbaa_bench.dataset.scene_files import read_file
 
 COLUMNS = (

@@ -18,9 +18,9 @@ from solver.instrument.hashes import HASHES, digest, parse_hashes, read_bytes
 from solver.instrument.images import png_bytes
 from solver.instrument.metadata import read_frames
 from tests.test_floor_plan import ROOT, modules
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.exr import exr_bytes, read_exr
-from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.parquet import read_parquet
+from vbaa_bench.dataset.tables import read_parquet
 from vbaa_bench.scene.files import file_of_scene
 
 
@@ -109,7 +109,7 @@ def test_sizes_are_bounded_before_memory_is_allocated(
     with pytest.raises(InputError, match=r"has 10,000,000,000 values|not a readable EXR"):
         read_exr(tmp_path / "bomb.exr")
 
-    monkeypatch.setattr("vbaa_bench.dataset.manifest._MAX_JSON_BYTES", 10)
+    monkeypatch.setattr("vbaa_bench.dataset.document._MAX_BYTES", 10)
     (tmp_path / "large.json").write_text('{"a": "0123456789"}')
     with pytest.raises(InputError, match="is too large, allowed are 10 bytes"):
         read_json(tmp_path / "large.json")

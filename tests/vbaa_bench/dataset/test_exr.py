@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.errors import InputError
-from vbaa_bench.dataset.exr import CHANNELS, exr_bytes, read_exr, write_exr
-from vbaa_bench.dataset.exr_channels import channels
+from vbaa_bench.dataset.exr import CHANNELS, channels, exr_bytes, read_exr, write_exr
 
 
 def test_layers_come_back_also_from_strided_arrays(

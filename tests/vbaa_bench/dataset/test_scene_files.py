@@ -30,8 +30,8 @@ from vbaa_bench.dataset.lock import FolderError, locked
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.scene_files import check_copies, copy_files, file_digests, read_file
 from vbaa_bench.dataset.writer import shard_writer
-from vbaa_bench.generation.collection import RigGenerator, RigResult, generate_collection
 from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
+from vbaa_bench.generation.generate_collection import RigGenerator, RigResult, generate_collection
 from vbaa_bench.scene.files import MAX_BYTES, SceneFileError, named_files
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene, recorded_scene
@@ -247,7 +247,7 @@ def drawn_rigs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SceneFile:
     text += "object: {kind: mesh, file: {choice: [a.stl, meshes/b.stl]}}\n"
     path.write_text(text, encoding="utf-8")
     results = [RigResult(0, {"rig": "0", "reason": "too stiff"}, "too stiff")]
-    monkeypatch.setattr("vbaa_bench.generation.collection._generate", lambda *_: results)
+    monkeypatch.setattr("vbaa_bench.generation.generate_collection._generate", lambda *_: results)
     return load_scene(path)
 
 
@@ -303,7 +303,7 @@ def test_an_error_of_a_file_or_of_a_folder_is_no_property_of_a_rig(
         def refused(*_: object, error: InputError = error, **__: object) -> None:
             raise error
 
-        monkeypatch.setattr("vbaa_bench.generation.collection.generate", refused)
+        monkeypatch.setattr("vbaa_bench.generation.generate_collection.generate", refused)
         generator = RigGenerator(drawn_rigs, "scalar_rgb", 1)
         with pytest.raises(type(error)):
             generator.rig(quiet, 0, tmp_path / "rig", {})
@@ -327,7 +327,7 @@ def test_the_reason_of_an_impossible_rig_does_not_depend_on_the_folder(
     def refused(*_: object, **__: object) -> None:
         raise InputError(f"object: {tmp_path}/a.stl: is 4 m across")
 
-    monkeypatch.setattr("vbaa_bench.generation.collection.generate", refused)
+    monkeypatch.setattr("vbaa_bench.generation.generate_collection.generate", refused)
     result = RigGenerator(drawn_rigs, "scalar_rgb", 1).rig(quiet, 0, tmp_path / "rig", {})
     assert result.reason == "object: a.stl: is 4 m across"
 

@@ -17,10 +17,10 @@ from vbaa_bench import cli
 from vbaa_bench.api.verification import verify
 from vbaa_bench.cli.datasets import choice_of
 from vbaa_bench.dataset.derived import read_limits, write_limits
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.identity import OtherDatasetError, check_identity, dataset_identity
 from vbaa_bench.dataset.info import collection_info, dataset_info
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.subset import Choice, subset
@@ -40,8 +40,10 @@ def source(dataset: Path, tmp_path: Path) -> Layout:
     for number, table in enumerate(tables):
         folder = layout.shard(layout.truth, number)
         pushes = pl.Series("push_id", ["a", "b"])
+        table.with_columns(pushes).write_parquet(folder / "truth.parquet")
+        readings = layout.shard(layout.observations, number) / "metadata.csv"
         splits = pl.Series("split", ["train", "test"])
-        table.with_columns(pushes, splits).write_parquet(folder / "truth.parquet")
+        pl.read_csv(readings, infer_schema=False).with_columns(splits).write_csv(readings)
     reseal(layout)
     return layout
 

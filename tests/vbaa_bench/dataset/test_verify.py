@@ -21,8 +21,8 @@ from vbaa_bench import cli
 from vbaa_bench.api.verification import verify
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.derived import write_limits
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.scene.load import load_scene

@@ -13,7 +13,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from tests.conftest import SMALL_SCENE
 from tests.consistency import MOST_SIGMAS
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.dataset.columns import TRUTH
+from vbaa_bench.dataset.dataset_columns import TRUTH
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.scene.frames import frame_specs

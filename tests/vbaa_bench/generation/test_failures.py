@@ -20,16 +20,16 @@ from tests.mortal import Mortal
 from tests.poisoned import FATAL_IMAGE, KILLED_IMAGE, Name, PoisonedRigs, PoisonedWorker
 from vbaa_bench import cli
 from vbaa_bench.dataset.collection import CollectionLayout
-from vbaa_bench.dataset.inventory import Contents, Inventory, take_inventory
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.generation import collection as collections
 from vbaa_bench.generation import dataset_worker as dataset_workers
 from vbaa_bench.generation import generate as generating
+from vbaa_bench.generation import generate_collection as collections
 from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
 from vbaa_bench.generation.deaths import DIED, Deaths, ImageError
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.inventory import Contents, Inventory, take_inventory
 from vbaa_bench.generation.metering_record import MeteringRecord
 from vbaa_bench.generation.missing_files import MissingFiles
 from vbaa_bench.limits import of_dataset
@@ -84,12 +84,11 @@ def poisoned(root: Path, *images: str) -> MissingFiles:
     """The missing files of a dataset of eight frames in four shards, of which none exists."""
     names: Any = [Name(f"frame {number}", number) for number in range(8)]
     shards = {number: tuple(names[2 * number : 2 * number + 2]) for number in range(4)}
-    ids = {number: tuple(name.frame_id for name in shard) for number, shard in shards.items()}
     layout = Layout(root)
     for tree in layout.trees:
         tree.mkdir(parents=True)
-    contents = Contents(images=(KILLED_IMAGE, *images), shards=ids, layers=False)
-    return MissingFiles(layout, contents, shards, Inventory(), Deaths())
+    contents = Contents(images=(KILLED_IMAGE, *images), shards=shards, layers=False)
+    return MissingFiles(layout, contents, Inventory(), Deaths())
 
 
 def test_a_frame_at_which_processes_die_costs_itself_alone(tmp_path: Path) -> None:
@@ -108,7 +107,8 @@ def test_a_frame_at_which_processes_die_costs_itself_alone(tmp_path: Path) -> No
 
 
 def test_an_image_at_which_processes_die_ends_the_dataset_with_one_sentence(tmp_path: Path) -> None:
-    missing = replace(poisoned(tmp_path, FATAL_IMAGE), shards={})
+    whole = poisoned(tmp_path, FATAL_IMAGE)
+    missing = replace(whole, contents=replace(whole.contents, shards={}))
     with (
         Pool(1, PoisonedWorker, (tmp_path,)) as pool,
         pytest.raises(

@@ -60,7 +60,7 @@ def spec_of(renderer: FrameRenderer, index: int) -> FrameSpec:
 
 
 def rendered(renderer: FrameRenderer, index: int) -> RenderedRadiance:
-    return renderer.photograph(spec_of(renderer, index), Metering(EXPOSURE))[1]
+    return renderer.expose_frame(spec_of(renderer, index), Metering(EXPOSURE))[1]
 
 
 def power(renderer: FrameRenderer, stream: str, number: int) -> Floats:

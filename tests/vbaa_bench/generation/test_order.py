@@ -19,10 +19,10 @@ def test_a_frame_after_a_rest_image_is_the_same(small_scene: Path, variant: str)
     def renderer() -> FrameRenderer:
         return FrameRenderer(file.scene, planned.rig, small_scene.parent, variant, 1)
 
-    _, alone = renderer().photograph(spec, Metering(EXPOSURE))
+    _, alone = renderer().expose_frame(spec, Metering(EXPOSURE))
     after = renderer()
     after.rest_image(0, EXPOSURE)
-    _, second = after.photograph(spec, Metering(EXPOSURE))
+    _, second = after.expose_frame(spec, Metering(EXPOSURE))
     # The touched object is in the frame only; the rest image must not decide what is around it.
     assert not alone.affected.all()
     for one, other in zip(alone.by_name().values(), second.by_name().values(), strict=True):

@@ -76,7 +76,7 @@ def rendered(text: str, folder: Path) -> Grey:
     planned = plan(file)
     specs = list(planned.frame_specs)
     renderer = FrameRenderer(file.scene, planned.rig, folder, FAST, 1)
-    image, _ = renderer.photograph(specs[-1], renderer.meter(metered_frames(specs)))
+    image, _ = renderer.expose_frame(specs[-1], renderer.meter(metered_frames(specs)))
     return image
 
 

@@ -95,7 +95,7 @@ def test_the_width_of_vectors_changes_few_pixels(
     for values in (8, 4):
         width.setenv(WIDTH, str(values))
         renderer, spec = case(small_scene)
-        _, rendered = renderer.photograph(spec, Metering(exposure))
+        _, rendered = renderer.expose_frame(spec, Metering(exposure))
         sensor = renderer.sensor(exposure)
         assert isinstance(sensor, Sensor)
         images.append({bits: exposed(sensor, bits, rendered) for bits in (8, 16)})

@@ -64,7 +64,7 @@ def test_other_frames_have_the_target_noise(name: str, variant: str) -> None:
     near_px, spec = file.scene.render.near_beam_px, file.scene.render
     sums = dict[float, list[float]]()
     for frame in specs[len(specs) // 4 :: max(len(specs) // 3, 1)]:
-        _, rendered = renderer.photograph(frame, metering)
+        _, rendered = renderer.expose_frame(frame, metering)
         without = (rendered.coverage == 0).astype(np.uint8)
         distance = cv2.distanceTransform(without, cv2.DIST_L2, 5)
         ratio2 = rendered.variance / noise(rendered.radiance) ** 2

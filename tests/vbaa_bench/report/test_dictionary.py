@@ -21,10 +21,10 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.plan import accepted_rig
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.column import Column, unit
-from vbaa_bench.dataset.columns import JOINED, READINGS, RIG, RIGS, TRUE_RIG, TRUTH
+from vbaa_bench.dataset.dataset_columns import JOINED, READINGS, RIG, RIGS, TRUE_RIG, TRUTH
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.generation.collection import rig_row
+from vbaa_bench.generation.generate_collection import rig_row
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.report.dictionary import SECTIONS, page
 from vbaa_bench.scene.frames import frame_specs

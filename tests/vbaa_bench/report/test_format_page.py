@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from vbaa_bench.dataset.exr import CHANNELS
-from vbaa_bench.dataset.schema import SCHEMA
+from vbaa_bench.dataset.format_version import SCHEMA
 from vbaa_bench.report.format_page import page
 
 PAGE = Path(__file__).parents[3] / "docs" / "format.md"

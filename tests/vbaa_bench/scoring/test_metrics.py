@@ -17,7 +17,7 @@ from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.estimate import Outcome
 from tests.draws import scene_seed
 from tests.vbaa_bench.scoring.worlds import FREE, truth
-from vbaa_bench.dataset.table_schema import LARGEST
+from vbaa_bench.dataset.document import LARGEST
 from vbaa_bench.scoring.metrics import checked_predictions, read_predictions, score_frames
 from vbaa_bench.scoring.refusals import right_refusals
 from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES

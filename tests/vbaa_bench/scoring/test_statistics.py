@@ -66,7 +66,7 @@ _DECLARED_ONCE = """
 import sys
 from pathlib import Path
 import polars as pl
-from vbaa_bench.dataset.column import SIGMA_D, Column, Presence
+from vbaa_bench.dataset.column import Column, Presence, SIGMA_D
 from vbaa_bench.scoring.computed_scores import COMPUTED, FAILED, ComputedScore
 
 COMPUTED["y_c_error_pct_L"] = ComputedScore(

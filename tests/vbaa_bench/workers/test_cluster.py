@@ -18,8 +18,8 @@ from tests.poisoned import PoisonedWorker
 from tests.vbaa_bench.generation.test_failures import failures, poisoned
 from tests.vbaa_bench.residents import KindsOfLight
 from tests.vbaa_bench.scene.test_user_modules import GLOW, scene_under
-from vbaa_bench.dataset.inventory import take_inventory
 from vbaa_bench.generation.deaths import DIED
+from vbaa_bench.generation.inventory import take_inventory
 from vbaa_bench.scene.user_modules import use_module
 from vbaa_bench.workers import cluster
 from vbaa_bench.workers.cluster import ClusterAddress, ClusterPool
@@ -54,7 +54,7 @@ def test_a_frame_at_which_workers_of_a_cluster_die_costs_itself_alone(
 def test_a_worker_of_another_version_is_refused(
     address: ClusterAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "_program", lambda: "another")
+    monkeypatch.setattr(cluster, "program_digest", lambda: "another")
     with (
         pytest.raises(InputError, match=r"worker on .*: has another version of the program"),
         ClusterPool(address, PoisonedWorker, (tmp_path,), print) as pool,

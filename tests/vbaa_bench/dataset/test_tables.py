@@ -8,8 +8,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.column import Kind
-from vbaa_bench.dataset.parquet import read_parquet
-from vbaa_bench.dataset.table_schema import Schema, check_unique, checked
+from vbaa_bench.dataset.tables import Schema, check_unique, checked, read_parquet
 
 SCHEMA = Schema(
     kinds={

@@ -9,9 +9,9 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.sealing import reseal
-from vbaa_bench.dataset import identity, schema
+from vbaa_bench.dataset import format_version, identity
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scene.load import load_scene
 
@@ -34,9 +34,9 @@ def rewritten(layout: Layout, path: Path, **changes: object) -> None:
 
 def test_both_records_state_the_version(dataset: Path) -> None:
     layout = Layout(dataset)
-    assert read_json(layout.manifest)["schema"] == schema.SCHEMA
-    assert read_json(layout.identity)["schema"] == schema.SCHEMA
-    assert open_truth(layout.truth).manifest["schema"] == schema.SCHEMA
+    assert read_json(layout.manifest)["schema"] == format_version.SCHEMA
+    assert read_json(layout.identity)["schema"] == format_version.SCHEMA
+    assert open_truth(layout.truth).manifest["schema"] == format_version.SCHEMA
 
 
 def test_the_first_format_is_migrated_in_memory(copied: Layout) -> None:
@@ -47,18 +47,18 @@ def test_the_first_format_is_migrated_in_memory(copied: Layout) -> None:
     before = copied.manifest.read_bytes()
     truth = open_truth(copied.truth)
     assert truth.manifest["failed_frames"] == 0
-    assert truth.manifest["schema"] == schema.SCHEMA
+    assert truth.manifest["schema"] == format_version.SCHEMA
     assert "processor" in truth.frames.columns
     assert copied.manifest.read_bytes() == before
     old = {"scene": {"title": "Old", "seed": 1}, "code": {}}
-    new = schema.migrated_identity(copied.identity, old)
-    assert new == {"scene": {"seed": 1}, "code": {}, "schema": schema.SCHEMA}
+    new = format_version.migrated_identity(copied.identity, old)
+    assert new == {"scene": {"seed": 1}, "code": {}, "schema": format_version.SCHEMA}
 
 
 @pytest.mark.parametrize(
     ("version", "sentence"),
     [
-        (schema.SCHEMA + 1, "install a newer vbaa-bench"),
+        (format_version.SCHEMA + 1, "install a newer vbaa-bench"),
         (0, "allowed is a whole number"),
         (True, "allowed is a whole number"),
         ("2", "allowed is a whole number"),

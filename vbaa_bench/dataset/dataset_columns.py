@@ -14,7 +14,7 @@ from vbaa_bench.dataset.column import (
     Kind,
     Presence,
 )
-from vbaa_bench.dataset.table_schema import schema_of
+from vbaa_bench.dataset.tables import schema_of
 
 # Columns that join the truth to the readings; both files have them.
 JOINED: Final = {
@@ -396,8 +396,7 @@ RIGS: Final = {
 
 CENTRELINE: Final = tuple(f"centreline_{axis}_mm" for axis in "sxyz")
 _NUMBERS: Final = [name for name, column in TRUTH.items() if column.kind is Kind.NUMBER]
-# Some tables of the truth have the split of their frames, too.
-TRUTH_SCHEMA: Final = schema_of({**TRUTH, "split": READINGS["split"]})._replace(
+TRUTH_SCHEMA: Final = schema_of(TRUTH)._replace(
     finite=_NUMBERS,
     together=("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_n", "f_n"),
 )

@@ -12,20 +12,19 @@ from solver.instrument.errors import DamageError, InputError
 from vbaa_bench.assembly.impossible import check_files
 from vbaa_bench.assembly.plan import accepted_rig
 from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.lock import FolderError, locked
-from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.lock import FolderError, locked, writing
 from vbaa_bench.dataset.scene_files import copy_files, file_digests
 from vbaa_bench.generation.deaths import Deaths, ImageError
-from vbaa_bench.generation.generate import Machine, generate
+from vbaa_bench.generation.generate import Machine, Progress, generate, ignore
+from vbaa_bench.generation.inventory import image_names
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.workers.cluster import ClusterAddress
 from vbaa_bench.workers.jobs import Job, WorkerDiedError
-
-Progress = Callable[[int, int], None]
 
 
 class RigResult(NamedTuple):
@@ -43,7 +42,7 @@ def generate_collection(
     workers: int,
     progress: Progress,
     numbers: Sequence[int] | None = None,
-    remark: Callable[[str], None] = lambda _sentence: None,
+    remark: Callable[[str], None] = ignore,
     *,
     cluster: ClusterAddress | None = None,
 ) -> list[RigResult]:
@@ -60,18 +59,16 @@ def generate_collection(
     layout, files = CollectionLayout(root), file_digests(file)
     layout.check_scene(file.template, files)
     numbers = range(file.rigs or 1) if numbers is None else numbers
-    try:
+    with writing(root):
         root.mkdir(parents=True, exist_ok=True)
         with locked(root / ".lock"):
             # Check again: another process may have started here before we held the lock.
             if layout.check_scene(file.template, files) != "part":
                 layout.write_scene(file.template, files)
             file = copy_files(file, files, layout.files.resolve())
-            machine = Machine(variant, workers, None, cluster)
+            machine = Machine(variant, workers, cluster=cluster)
             results = _generate(layout, file, numbers, machine, progress, remark)
             _write_table(layout, results)
-    except OSError as error:
-        raise FolderError(f"{root}: cannot be written ({error.strerror or error})") from error
     return results
 
 
@@ -86,7 +83,7 @@ def _generate(
     # Rigs may differ in their numbers of frames, of which the first is an example.
     scene = accepted_rig(file).scene
     # One more than the images: the exposure is metered on an image that is not kept.
-    per_rig = Frames(scene).count + scene.calibration.views + scene.sensor.rest_images + 1
+    per_rig = Frames(scene).count + len(image_names(scene)) + 1
     total = per_rig * len(numbers)
     results, deaths = list[RigResult](), dict[int, Deaths]()
     jobs = deque(Job("rig", (number, layout.rig(number).root.resolve(), {})) for number in numbers)
@@ -121,7 +118,7 @@ class RigGenerator:
 
     def rig(
         self,
-        tick: Callable[[], None],
+        on_progress: Callable[[], None],
         number: int,
         root: Path,
         given_up: Mapping[str, str],
@@ -135,7 +132,7 @@ class RigGenerator:
         def progress(done: int, _total: int) -> None:
             nonlocal finished
             for _ in range(done - finished):
-                tick()
+                on_progress()
             finished = done
 
         scene, reason, failed = None, "", None

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from solver.instrument.errors import InputError
-from vbaa_bench.dataset.manifest_schema import checked_manifest
+from vbaa_bench.dataset.manifest import checked_manifest
 from vbaa_bench.scene.load import load_scene
 
 SCENES = Path(__file__).parents[3] / "scenes"

@@ -1,41 +1,65 @@
-"""Inventory of a dataset: find the intact, damaged and surplus files."""
+"""Inventory of a dataset: the files that its scene asks for, and which of them are intact."""
 
 import json
-import os
 import shutil
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, parse_hashes
-from vbaa_bench.dataset.faults import Fault, Table, file_fault, folder_faults, name_faults, table_of
-from vbaa_bench.dataset.layout import FILES, Layout
-from vbaa_bench.dataset.writer import FAILURES
+from vbaa_bench.dataset.faults import (
+    Fault,
+    Table,
+    file_fault,
+    folder_faults,
+    name_faults,
+    table_of,
+    unlisted_files,
+)
+from vbaa_bench.dataset.layout import FAILURES, FILES, METADATA, TRUTH_TABLE, Layout, shard_hashes
+from vbaa_bench.scene.frames import FrameName
+from vbaa_bench.scene.schema import Scene
+
+
+def image_names(scene: Scene) -> tuple[str, ...]:
+    """Name the board views and the rest images of a scene, as in observations/."""
+    return (
+        *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
+        *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
+    )
 
 
 @dataclass(frozen=True)
 class Contents:
-    """Contents of a complete dataset: single images, frame ids by shard, truth images or not.
+    """Contents of a complete dataset: single images, frames by shard, truth images or not.
 
     Images are named as in observations/, `files` of the scene as in truth/files/. A part of a
     dataset has some of its shards.
     """
 
     images: tuple[str, ...]
-    shards: Mapping[int, tuple[str, ...]]
+    shards: Mapping[int, tuple[FrameName, ...]]
     layers: bool
     files: tuple[str, ...] = ()
+
+    @classmethod
+    def of_scene(
+        cls, scene: Scene, shards: Mapping[int, tuple[FrameName, ...]], files: Collection[str]
+    ) -> Self:
+        """Return the contents of a scene's dataset, with all or some of the scene's shards."""
+        return cls(image_names(scene), shards, bool(scene.layers), tuple(files))
 
     def names(self, tree: str, number: int, failed: Collection[str] = ()) -> set[str]:
         """Name the files of a shard in one of the trees, except its hashes.json.
 
         Frames that `failed` have no files.
         """
-        ids = set(self.shards[number]).difference(failed)
+        ids = {name.frame_id for name in self.shards[number]}.difference(failed)
         if tree == "observations":
-            return {"metadata.csv", *(f"{frame_id}.png" for frame_id in ids)}
-        names = {"truth.parquet", *(f"{frame_id}.exr" for frame_id in ids if self.layers)}
+            return {METADATA, *(f"{frame_id}.png" for frame_id in ids)}
+        names = {TRUTH_TABLE, *(f"{frame_id}.exr" for frame_id in ids if self.layers)}
         return names | {FAILURES} if failed else names
 
 
@@ -74,7 +98,7 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
         elif fault is not None and table is not None:
             inventory.damage.append(str(fault))
     for number in contents.shards:
-        name = f"{layout.shard(layout.truth, number).name}/{HASHES}"
+        name = shard_hashes(number)
         digests, faults, tables = dict[str, str](), list[Fault](), dict[str, Table]()
         for tree in layout.trees:
             recorded_digest = (recorded[tree.name] or {}).get(name)
@@ -131,19 +155,13 @@ def open_for_growth(layout: Layout, contents: Contents) -> None:
 
 def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
     """Find files in the trees that are neither contents nor in shards; no link is followed."""
-    known = {layout.observations / name for name in (*contents.images, "rig.json")}
+    known = {layout.rig, *(layout.observations / name for name in contents.images)}
     known |= {layout.files / name for name in contents.files}
     known |= {layout.identity, layout.metering, layout.manifest}
     known |= {tree / HASHES for tree in layout.trees}
     shards = {layout.shard(tree, number) for tree in layout.trees for number in contents.shards}
     for tree in layout.trees:
-        for folder, subfolders, files in os.walk(tree):
-            path = Path(folder)
-            linked = [name for name in subfolders if (path / name).is_symlink()]
-            subfolders[:] = [name for name in subfolders if path / name not in shards]
-            for name in (*linked, *files):
-                if path / name not in known | shards:
-                    yield path / name
+        yield from unlisted_files(tree, known, shards)
 
 
 def _recorded(tree: Path) -> dict[str, str] | None:
