@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from vbaa_bench.scoring.bootstrap import Interval, group_numbers, median_interval
-from vbaa_bench.scoring.efficiency import share_of_information
-from vbaa_bench.scoring.statistics import HEADINGS, REPORTED, SUMMARY
+from vbaa_bench.scoring.statistics import ADDED, REPORTED
 
 
 @dataclass(frozen=True)
@@ -15,7 +14,8 @@ class MethodStatistics:
     """Statistics `REPORTED` of one method; errors of x_c in % of L. None: no frame counts.
 
     `median_95` and `ms_95` are intervals over pushes. `information` is the method's information
-    set. `added` are the RMSEs of scores with a heading of their own, by this heading.
+    set, `efficiency` the share of its information that the method uses. `added` are the RMSEs of
+    scores with a heading of their own, by this heading.
     """
 
     method: str
@@ -25,19 +25,19 @@ class MethodStatistics:
     answered: int
     right_refusals: int
     false_contacts: int
+    coverage_95: float | None
+    efficiency: float | None
     median: float | None
+    bias: float | None
+    rmse: float | None
     p95: float | None
     worst: float | None
-    rmse: float | None
-    bias: float | None
     rmse_all: float | None
+    rmse_over_limit: float | None
     force_rmse: float | None
     psi_rmse: float | None
     compliance_rmse: float | None
-    coverage_95: float | None
     ms: float | None
-    matched: int
-    rmse_over_limit: float | None
     information: str | None
     median_95: Interval | None
     ms_95: Interval | None
@@ -47,11 +47,6 @@ class MethodStatistics:
     def share_answered(self) -> float | None:
         """Fraction of the contacts that have an estimate."""
         return self.answered / self.contacts if self.contacts else None
-
-    @property
-    def efficiency(self) -> float | None:
-        """Fraction of the available information that the method uses, as in `scoring`."""
-        return share_of_information(self.rmse_over_limit, self.matched)
 
 
 def with_groups(scores: pl.DataFrame) -> pl.DataFrame:
@@ -64,7 +59,7 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
     """Compute the statistics of every method in `rows`, scores with `group` and limits."""
     figures = {name: statistic.expression for name, statistic in REPORTED.items()}
     figures["information"] = pl.col("information").first()
-    figures |= {name: SUMMARY[name].expression for name in HEADINGS}
+    figures |= {name: statistic.expression for name, statistic in ADDED.items()}
     parts = rows.select("method", "group", "x_c_error_pct_L", "image_ms").partition_by(
         "method", as_dict=True
     )
@@ -76,6 +71,6 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
             **{name: row[name] for name in ("method", *REPORTED, "information")},
             median_95=median_interval(part["x_c_error_pct_L"], groups),
             ms_95=median_interval(part["image_ms"], groups),
-            added={heading: row[name] for name, heading in HEADINGS.items()},
+            added={one.heading.report: row[name] for name, one in ADDED.items()},
         )
     return methods

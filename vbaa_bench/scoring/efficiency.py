@@ -1,6 +1,5 @@
 """Share of the information in its data that a method uses, in words."""
 
-import math
 from typing import Any, Final
 
 from vbaa_bench.scoring.information_sets import SETS
@@ -14,34 +13,18 @@ _QUANTITIES: Final = {
     "second_s_c_mm": "the second contact's arc length",
     "second_force_n": "the second force",
 }
-# Shares above 100 % by more than this many sigmas of chance are not stated. Chosen.
-_SIGMAS: Final = 3.0
 # A share above 100 % is called impossible only with this many answered frames. Chosen: bootstrap
 # intervals of fewer are too narrow; with 20 Gaussian errors by a tenth.
 _MIN_FRAMES: Final = 20
 
 
-def share_of_information(rmse_over_limit: float | None, frames: int) -> float | None:
-    """Compute the share of the information that a method uses, (RMS of error / limit)^-2.
-
-    None without limits, and where the errors of these frames are smaller than the limit by more
-    than chance explains. The limit is then that of other data or of a worse rig, as where the rig
-    states a wider range of beams than that from which this one is; a share of it has no meaning.
-    """
-    if not rmse_over_limit:
-        return None
-    # The relative standard deviation of a sum of n squares of Gaussian errors.
-    possible = rmse_over_limit**2 > 1 - _SIGMAS * math.sqrt(2 / max(frames, 1))
-    return 1 / rmse_over_limit**2 if possible else None
-
-
 def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
     """Compute the share of the information that is used, from a row of `strata_rows`.
 
-    It is `share_of_information` of the answered frames, as `efficiency_pct`, with the 95 % interval
-    `efficiency_pct_95` and a `sentence`. None without limits. An unbiased method cannot use more
-    than all information (Cramer and Rao); where the whole interval is above 100 %, the result is
-    `impossible`: there is no share, and the sentence names the likely reasons instead.
+    It is (RMS of error / limit)^-2 of the answered frames, as `efficiency_pct`, with the 95 %
+    interval `efficiency_pct_95` and a `sentence`. None without limits. An unbiased method cannot
+    use more than all information (Cramer and Rao); where the whole interval is above 100 %, the
+    result is `impossible`: there is no share, and the sentence names the likely reasons instead.
     """
     rmse = row["rmse_over_limit"]
     if not rmse:

@@ -65,6 +65,7 @@ CONSISTENT_SIGMAS: Final = 3.0
 
 COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", TRUE_COMPLIANCE)
 SECOND_S_C: Final = ScoredQuantity("second_s_c", "mm", pl.col("second_s_c_mm"))
+PSI: Final = ScoredQuantity("psi", "deg", pl.col("psi_deg"))
 X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"))
 # The motor turns by minus the pushing angle from first contact on.
 _ONSET = pl.when(HAS_CONTACT).then(pl.col("true_motor_angle_deg") + pl.col("pushing_angle_deg"))
@@ -84,7 +85,7 @@ LIMITED: Final = (
     X_C,
     ScoredQuantity("s_c", "mm", pl.col("s_c_mm")),
     ScoredQuantity("force", "n", pl.col("force_n")),
-    ScoredQuantity("psi", "deg", pl.col("psi_deg")),
+    PSI,
     SECOND_S_C,
     ScoredQuantity("second_force", "n", _SECOND_SIZE),
     COMPLIANCE,

@@ -14,6 +14,7 @@ from vbaa_bench.scoring.metrics import checked_predictions, score_frames
 from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.statistics import (
     COUNT,
+    INFORMATION_USED,
     LARGEST,
     MEAN,
     MEDIAN,
@@ -28,7 +29,9 @@ from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import calibration
 
 
-@pytest.mark.parametrize("reduction", [COUNT, LARGEST, MEAN, MEDIAN, P05, P95, RMS])
+@pytest.mark.parametrize(
+    "reduction", [COUNT, INFORMATION_USED, LARGEST, MEAN, MEDIAN, P05, P95, RMS]
+)
 def test_a_reduction_of_an_array_is_that_of_a_column(
     reduction: Reduction, random: np.random.Generator
 ) -> None:
