@@ -17,8 +17,8 @@ from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.child import Job, solve_each
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.isolation.runs import Job, solve_each
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 from vbaa_bench.scoring.score import found_predictions, score
 from vbaa_bench.workers.jobs import SameProcess
 

@@ -11,7 +11,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import copy_tree, open_truth
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score_columns import LIMITS
 
 

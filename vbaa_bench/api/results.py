@@ -15,12 +15,18 @@ from solver.methods import METHODS
 from vbaa_bench.api.data import AnyDataset, dataset_folder
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.applicable import applicable
-from vbaa_bench.scoring.child import MAX_FRAME_S, MEMORY_GB, Job, MethodRun, solve_each
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, run_name
-from vbaa_bench.scoring.score import read_scores, with_own
+from vbaa_bench.scoring.isolation.runs import (
+    MAX_FRAME_S,
+    MEMORY_GB,
+    Job,
+    MethodRun,
+    applicable,
+    solve_each,
+    solve_rigs,
+)
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results, run_name
+from vbaa_bench.scoring.score import read_scores, score_rigs, with_own
 from vbaa_bench.scoring.score import score as write_scores
-from vbaa_bench.scoring.scored_collection import score_rigs, solve_rigs
 from vbaa_bench.workers.resources import cores
 
 # Name that selects all methods of the solver.

@@ -24,10 +24,10 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.child import MethodRun, solve
+from vbaa_bench.scoring.isolation.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
+from vbaa_bench.scoring.isolation.runs import MethodRun, solve
 from vbaa_bench.scoring.metrics import read_predictions, score_frames
 from vbaa_bench.scoring.plausible import NEAR
-from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
 from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES, ScoredQuantity
 from vbaa_bench.scoring.statistics import CONTACTS, LARGEST, MEDIAN, RMS
 

@@ -34,10 +34,10 @@ from vbaa_bench.cli.options import (
     Workers,
 )
 from vbaa_bench.report.console import console, outcomes, print_line, print_result, show_scores
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 
 if TYPE_CHECKING:
-    from vbaa_bench.scoring.child import MethodRun
+    from vbaa_bench.scoring.isolation.runs import MethodRun
 
 
 def run(

@@ -13,7 +13,7 @@ from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.scene.push_spec import PushSpec
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores, read_summary
 
 # A frame's place in its scene: the rig of a collection, 0 for a dataset, and the trial.

@@ -19,8 +19,8 @@ from vbaa_bench.report.figures import speed_png
 from vbaa_bench.report.page import Contents, page
 from vbaa_bench.report.views import by_error
 from vbaa_bench.report.worst import Row
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import Overlay, overlay
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores, read_summary
 
 # Factors of a table and pictures of rigs. Chosen: they stay below a megabyte.

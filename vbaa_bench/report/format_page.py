@@ -23,7 +23,7 @@ from vbaa_bench.dataset import (
     subset,
 )
 from vbaa_bench.scene import files
-from vbaa_bench.scoring import layout as results
+from vbaa_bench.scoring import results_layout as results
 
 
 class Section(NamedTuple):

@@ -15,8 +15,8 @@ from vbaa_bench.report.figures import overlay_png, speed_png
 from vbaa_bench.report.gallery import colours_of
 from vbaa_bench.report.page import Contents, page
 from vbaa_bench.report.views import by_error
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores, read_summary
 
 

@@ -10,8 +10,8 @@ import polars as pl
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.remarks import remarks
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.scoring.scored_quantities import LIMITED
 from vbaa_bench.scoring.statistics import RMS, TABLE, compute

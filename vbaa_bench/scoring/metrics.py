@@ -199,7 +199,7 @@ def score_frames(
             "consistent"
         ),
         *(one.value(length).alias(name) for name, one in COMPUTED.items()),
-    ).drop("may_say", "violated")
+    ).drop("acceptable_outcomes", "violated")
 
 
 def true_frames(truth: Truth) -> pl.DataFrame:

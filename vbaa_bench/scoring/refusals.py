@@ -42,10 +42,11 @@ EDGE_ON_DEG: Final = 15.0
 
 
 def right_refusals(truth: Truth) -> pl.DataFrame:
-    """Compute for each frame_id the `snr` of its bend, `true_state`, `may_say` and `violated`.
+    """Compute for each frame_id which refusals are right.
 
-    `may_say` lists the right refusals, `violated` the assumptions that do not hold. `true_state`
-    names the first reason for a refusal, in the order of `_STATES`, or "contact".
+    Columns: the `snr` of the bend; `true_state`, the first reason for a refusal in the order of
+    `_STATES`, or "contact"; `acceptable_outcomes`, the right refusals; and `violated`, the
+    assumptions that do not hold.
     """
     frames = truth.frames
     visible = _visible_fractions(frames)
@@ -74,14 +75,14 @@ def right_refusals(truth: Truth) -> pl.DataFrame:
         "frame_id",
         "snr",
         true_state=states.fill_null("contact"),
-        may_say=allowed.list.drop_nulls(),
+        acceptable_outcomes=allowed.list.drop_nulls(),
     ).join(violations(truth), on="frame_id", maintain_order="left")
 
 
 def rightly_refused() -> pl.Expr:
     """Return the condition of a right refusal, from the columns of `right_refusals`."""
     named = pl.col("assumption").is_not_null()
-    by_outcome = pl.col("may_say").list.contains(pl.col("outcome"))
+    by_outcome = pl.col("acceptable_outcomes").list.contains(pl.col("outcome"))
     by_name = pl.col("violated").list.contains(pl.col("assumption")).fill_null(value=False)
     invalid = pl.col("outcome") == str(Outcome.INVALID)
     return by_name | (by_outcome & ~(named & invalid))

@@ -20,10 +20,9 @@ from vbaa_bench.report.collection_report import collection_report
 from vbaa_bench.report.console import show_scores
 from vbaa_bench.report.report import report as write_report
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score as write_scores
-from vbaa_bench.scoring.score import with_own
-from vbaa_bench.scoring.scored_collection import score_rigs
+from vbaa_bench.scoring.score import score_rigs, with_own
 from vbaa_bench.scoring.tables import FORMATS
 
 

@@ -22,7 +22,7 @@ from vbaa_bench.benchmarks.method_runs import BATCHES
 from vbaa_bench.benchmarks.speed_solve import chosen, measure, measure_apart
 from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.child import Job, MethodRun
+from vbaa_bench.scoring.isolation.runs import Job, MethodRun
 from vbaa_bench.scoring.speed import judged
 
 

@@ -23,8 +23,8 @@ from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.api import results as api
 from vbaa_bench.cli import results as commands
-from vbaa_bench.scoring.child import Job, MethodRun
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.isolation.runs import Job, MethodRun
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 from vbaa_bench.scoring.score import found_predictions
 
 PAPER = "two_point@area_weighted"

@@ -291,7 +291,7 @@ EDGE_ON = {"edge-on", "not identifiable"}
     ],
 )
 def test_when_an_answer_without_numbers_is_right(true: dict[str, Any], right: set[str]) -> None:
-    assert set(right_refusals(truth(true))["may_say"][0]) == right
+    assert set(right_refusals(truth(true))["acceptable_outcomes"][0]) == right
     for outcome in Outcome:
         if outcome.has_values:
             continue
@@ -371,8 +371,8 @@ def test_a_camera_beside_the_beam_looks_along_plane_c() -> None:
     rig = true.manifest["true_rig"]
     camera = {**rig["camera"], "camera_from_antenna": side.tolist()}
     beside = replace(true, manifest={**true.manifest, "true_rig": {**rig, "camera": camera}})
-    assert right_refusals(true)["may_say"][0].is_empty()
-    assert set(right_refusals(beside)["may_say"][0]) == EDGE_ON
+    assert right_refusals(true)["acceptable_outcomes"][0].is_empty()
+    assert set(right_refusals(beside)["acceptable_outcomes"][0]) == EDGE_ON
 
 
 def test_a_parquet_file_on_which_its_reader_panics_is_refused(
@@ -393,7 +393,7 @@ def test_a_knocked_camera_may_be_refused() -> None:
     for shift, allowed in ((0.0, set[str]()), (0.2, {"camera moved"})):
         camera = {**scene["camera"], "knock_px": [0.0, shift]}
         manifest = {**true.manifest, "scene": {**scene, "camera": camera}}
-        found = right_refusals(replace(true, manifest=manifest))["may_say"][0]
+        found = right_refusals(replace(true, manifest=manifest))["acceptable_outcomes"][0]
         assert set(found) == allowed
 
 

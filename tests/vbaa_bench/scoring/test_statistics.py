@@ -81,7 +81,7 @@ COMPUTED["y_c_error_pct_L"] = ComputedScore(
 from vbaa_bench.report import dictionary
 from vbaa_bench.report.report import report
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores, score
 from vbaa_bench.scoring.tables import markdown
 
