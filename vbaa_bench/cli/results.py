@@ -187,12 +187,8 @@ def solve_dataset(
 
 def _report(root: Path, baseline: Path | None = None) -> Path:
     with importing():
-        from vbaa_bench.dataset.collection import is_collection
-        from vbaa_bench.report.collection_report import collection_report
         from vbaa_bench.report.report import report as write_report
 
-    if is_collection(root):
-        return collection_report(root, baseline)
     return write_report(Results(root), baseline)
 
 

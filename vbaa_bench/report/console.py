@@ -112,7 +112,7 @@ def outcomes(table: Path) -> str:
     import polars as pl  # imported late: only methods' commands need tables
 
     from solver.instrument.estimate import Outcome
-    from vbaa_bench.scoring.metrics import read_predictions
+    from vbaa_bench.scoring.predictions import read_predictions
 
     rows = read_predictions(table).group_by("outcome").agg(pl.len(), pl.col("message").first())
     parts = [

@@ -48,10 +48,11 @@ class Contents:
 
 @dataclass(frozen=True)
 class Page:
-    """The page as HTML, and its first chart as an SVG for other uses."""
+    """The page as HTML, and its first chart for other uses: as SVG, with colours by CSS class."""
 
     html: str
     speed: Markup
+    colours: Mapping[str, str]
 
 
 def page(contents: Contents) -> Page:
@@ -78,4 +79,4 @@ def page(contents: Contents) -> Page:
         columns=[(s.heading.report, key) for key, s in REPORTED.items() if s.heading.report],
         factor_heads=[statistic.heading.report for statistic in FACTOR.values()],
     )
-    return Page(html, shown[0].wide)
+    return Page(html, shown[0].wide, {classes[name]: styles[name].light for name in methods})

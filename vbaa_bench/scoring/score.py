@@ -20,20 +20,20 @@ from vbaa_bench.dataset.recorded import check_none_missing, exists, write_result
 from vbaa_bench.dataset.table_schema import checked
 from vbaa_bench.scoring.bootstrap import share_interval
 from vbaa_bench.scoring.factors import factor_columns, factor_table, rig_factors
+from vbaa_bench.scoring.frame_scores import score_frames, true_frames
 from vbaa_bench.scoring.information import scored_limits
-from vbaa_bench.scoring.metrics import (
+from vbaa_bench.scoring.predictions import (
     checked_predictions,
     parsed,
     read_file,
-    score_frames,
-    true_frames,
+    unknown_columns,
 )
-from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score_columns import SCORE_SCHEMA
 from vbaa_bench.scoring.statistics import COLLECTION, compute
 from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import summarise
+from vbaa_bench.scoring.wrong_units import doubtful_units
 
 # Chosen: a CSV of more rows exceeds 100 MB, and no spreadsheet opens it.
 MAX_CSV_ROWS: Final = 50_000

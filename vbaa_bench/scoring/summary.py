@@ -10,7 +10,7 @@ import polars as pl
 
 from vbaa_bench.dataset.manifest import versions
 from vbaa_bench.scoring.bootstrap import group_numbers, median_interval
-from vbaa_bench.scoring.efficiency import efficiency
+from vbaa_bench.scoring.information import efficiency
 from vbaa_bench.scoring.scored_quantities import (
     COMPLIANCE,
     COMPONENTS,

@@ -3,10 +3,9 @@
 import csv
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, Final, NamedTuple
 
-from vbaa_bench.scoring.markdown_table import markdown_table
 from vbaa_bench.scoring.statistics import ADDED, SUMMARY, TABLE
 
 Row = dict[str, Any]
@@ -80,6 +79,16 @@ def markdown(rows: Sequence[Row], by: str | None = None, *, brief: bool = False)
     text = markdown_table(table.heads, table.lines, {*range(table.texts), last})
     notes = [f"- `{scene}`: {sentence}" for scene, sentence in _remarks(rows).items()]
     return "\n".join([text, "", *notes]) if notes else text
+
+
+def markdown_table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], texts: Collection[int] = (0,)
+) -> str:
+    """Format rows of cells below their heads; the columns `texts` are to the left, others right."""
+    rule = ["---" if i in texts else "---:" for i in range(len(heads))]
+    escaped = ([cell.replace("|", "\\|") for cell in line] for line in (heads, *rows))
+    first, *others = (f"| {' | '.join(line)} |" for line in escaped)
+    return "\n".join([first, f"| {' | '.join(rule)} |", *others])
 
 
 def latex(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:

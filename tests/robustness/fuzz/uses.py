@@ -16,7 +16,6 @@ from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.comparison import compare as compare_runs
 from vbaa_bench.regression.comparison import pairs_of
 from vbaa_bench.regression.scored_run import read_run
-from vbaa_bench.report.collection_report import collection_report
 from vbaa_bench.report.console import show_scores
 from vbaa_bench.report.report import report as write_report
 from vbaa_bench.scoring.accuracy import accuracy
@@ -44,10 +43,7 @@ def score(root: Path, *predictions: Path) -> None:
 
 def report(root: Path, baseline: Path | None = None) -> None:
     """Write the report of a scored dataset or collection."""
-    if is_collection(root):
-        collection_report(root, baseline)
-    else:
-        write_report(Results(root), baseline)
+    write_report(Results(root), baseline)
 
 
 def table(root: Path, by: str | None = None, name: str = "markdown") -> None:

@@ -10,7 +10,8 @@ import polars as pl
 import pytest
 
 from tests.vbaa_bench.scoring.worlds import truth
-from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.frame_scores import score_frames
+from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.statistics import (
     COUNT,

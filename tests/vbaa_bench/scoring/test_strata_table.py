@@ -13,9 +13,10 @@ from tests.draws import generator
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.scoring.efficiency import efficiency
-from vbaa_bench.scoring.information import information_of, scored_limits
-from vbaa_bench.scoring.metrics import checked_predictions, score_frames, true_frames
+from vbaa_bench.scoring.frame_scores import score_frames, true_frames
+from vbaa_bench.scoring.information import efficiency, scored_limits
+from vbaa_bench.scoring.information_sets import information_of
+from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.score_columns import LIMITS
 from vbaa_bench.scoring.statistics import information_used
 from vbaa_bench.scoring.strata import ALL

@@ -369,6 +369,19 @@ def _listen(readable: int, on_output: Callable[[str], None]) -> None:
         on_output(f"... and {dropped} bytes more, not shown")
 
 
+def one_core_environment() -> dict[str, str]:
+    """Make the minimal environment of a process whose times are those of one core.
+
+    Its libraries choose the same kernels as in the user's own processes.
+    """
+    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT", *_KERNEL_CHOICES)
+    environment = {name: os.environ[name] for name in inherited if name in os.environ}
+    environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+    environment["OPENCV_FOR_THREADS_NUM"] = "1"
+    environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
+    return environment
+
+
 def _environment(method: str, folder: Path) -> dict[str, str]:
     """Make a minimal environment, without the folder from which this process was started.
 
@@ -376,12 +389,7 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     This prevents a method from reading the truth by accident; it does not stop one that searches
     the disk. Raises InputError.
     """
-    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT", *_KERNEL_CHOICES)
-    environment = {name: os.environ[name] for name in inherited if name in os.environ}
-    # One thread: times are those of one core on every machine.
-    environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
-    environment["OPENCV_FOR_THREADS_NUM"] = "1"
-    environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
+    environment = one_core_environment()
     module, colon, _ = method.partition(":")
     if colon and method not in METHODS:
         try:
