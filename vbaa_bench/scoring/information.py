@@ -10,7 +10,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.table_schema import LARGEST, checked
 from vbaa_bench.scoring.information_sets import SETS
 from vbaa_bench.scoring.score_columns import LIMIT_SCHEMA
-from vbaa_bench.scoring.scored_quantities import LIMITED
+from vbaa_bench.scoring.scored_quantities import LIMITED, ScoredQuantity
 
 # Root mean square of the errors of a method that attains the limit of the simple model, where a
 # frame breaks its assumptions: from its bias and its standard deviation in the table of limits.
@@ -19,15 +19,6 @@ SIMPLE: Final = {
     "force_simple_rms_n": ("force_simple_bias_n", "force_simple_sigma_n"),
 }
 _KEYS: Final = ("frame_id", "information")
-_IN_WORDS: Final = {
-    "x_c_mm": "the contact distance",
-    "s_c_mm": "the contact arc length",
-    "force_n": "the force",
-    "psi_deg": "the inclination psi",
-    "compliance_mm_per_n": "the compliance",
-    "second_s_c_mm": "the second contact's arc length",
-    "second_force_n": "the second force",
-}
 # A share above 100 % is called impossible only with this many answered frames. Chosen: bootstrap
 # intervals of fewer are too narrow; with 20 Gaussian errors by a tenth.
 _MIN_FRAMES: Final = 20
@@ -71,8 +62,10 @@ def with_limits(scores: pl.DataFrame, limits: pl.DataFrame | None) -> pl.DataFra
     return scores.join(positive, on=_KEYS, how="left", validate="m:1")
 
 
-def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
-    """Compute the share of the information that is used, from a row of `strata_rows`.
+def efficiency(
+    information: str, quantity: ScoredQuantity, row: dict[str, Any]
+) -> dict[str, Any] | None:
+    """Compute the share of the information on a quantity that is used, from its row of strata.csv.
 
     It is (RMS of error / limit)^-2 of the answered frames, as `efficiency_pct`, with the 95 %
     interval `efficiency_pct_95` and a `sentence`. None without limits. An unbiased method cannot
@@ -84,7 +77,7 @@ def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
         return None
     low, high = row["rmse_over_limit_low"], row["rmse_over_limit_high"]
     percent, ends = 100 / rmse**2, None if not low else [100 / high**2, 100 / low**2]
-    about, data = _IN_WORDS[row["quantity"]], SETS[information]
+    about, data = quantity.words, SETS[information]
     impossible = bool(ends and ends[0] > 100 and row["answered"] >= _MIN_FRAMES)
     if impossible:
         sentence = (

@@ -51,7 +51,7 @@ def _parameters(rows: pl.DataFrame, parameters: Sequence[dict[str, Any]]) -> dic
     heads = ("method", "stratum", "value", "quantity")
     (information, *others) = rows["information"].unique(maintain_order=True)
     used = {
-        quantity.column: efficiency(information, overall[quantity.column])
+        quantity.column: efficiency(information, quantity, overall[quantity.column])
         for quantity in LIMITED
         # Frames of different information sets have no share in common.
         if quantity.column in overall and not others

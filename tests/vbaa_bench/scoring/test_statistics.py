@@ -10,18 +10,24 @@ import polars as pl
 import pytest
 
 from tests.vbaa_bench.scoring.worlds import truth
+from vbaa_bench.report import console
+from vbaa_bench.scoring import tables
 from vbaa_bench.scoring.frame_scores import score_frames
 from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.statistics import (
     COUNT,
+    FACTOR,
     INFORMATION_USED,
     LARGEST,
     MEAN,
     MEDIAN,
     P05,
     P95,
+    REPORTED,
     RMS,
+    SUMMARY,
+    TABLE,
     Reduction,
     Statistic,
     error_statistics,
@@ -53,6 +59,18 @@ def test_only_frames_that_meet_the_condition_count() -> None:
     for statistic, value in ((mean, 2.0), (ratio, 2.0), (undefined, None)):
         assert statistic.of(rows) == value
         assert rows.select(statistic.expression).item() == value
+
+
+def test_each_figure_of_a_table_has_a_heading_of_its_own() -> None:
+    declared = SUMMARY | TABLE
+    for heads in (
+        [declared[name].heading.table for name in tables._COLUMNS],
+        [declared[name].heading.scores for name in (*console._SCORES, "n")],
+        [one.heading.report for one in FACTOR.values()],
+        [head for one in REPORTED.values() if (head := one.heading.report)],
+    ):
+        assert all(heads)
+        assert len(set(heads)) == len(heads)
 
 
 def test_without_any_error_there_is_no_ratio_of_sigma_and_error() -> None:

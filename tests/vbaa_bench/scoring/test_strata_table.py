@@ -18,6 +18,7 @@ from vbaa_bench.scoring.information import efficiency, scored_limits
 from vbaa_bench.scoring.information_sets import information_of
 from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.score_columns import LIMITS
+from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.statistics import information_used
 from vbaa_bench.scoring.strata import ALL
 from vbaa_bench.scoring.strata_table import strata_rows
@@ -197,7 +198,7 @@ def test_the_share_of_the_information_is_a_sentence(
         assert 2 * low - high < percent < 2 * high - low
         assert share["efficiency_pct"] == pytest.approx(percent, rel=0.4)
     few = {**of(parameters, "x_c_mm")[ALL], "answered": 19}
-    assert "impossible" not in (efficiency("planar", few) or {})["sentence"]
+    assert "impossible" not in (efficiency("planar", X_C, few) or {})["sentence"]
 
 
 @pytest.mark.parametrize(
@@ -213,7 +214,9 @@ def test_the_share_of_the_information_is_a_sentence(
 def test_a_share_that_chance_does_not_explain_is_not_stated(
     ratio: float, frames: int, share: float | None
 ) -> None:
-    rows, used = pl.DataFrame({"error": [ratio] * frames}), information_used(pl.col("error"))
+    # Frames without a limit do not count.
+    rows = pl.DataFrame({"error": [ratio] * frames + [None] * 100})
+    used = information_used(pl.col("error"))
     assert used.of(rows) == pytest.approx(share)
     assert rows.select(used.expression).item() == pytest.approx(share)
 

@@ -76,7 +76,7 @@ def opened(observations: Path, centreline: str) -> tuple[Observations, Antenna]:
 
 
 @functools.lru_cache(maxsize=1)
-def learned(observations: Path, centreline: str) -> Antenna:
+def learned_antenna(observations: Path, centreline: str) -> Antenna:
     """Return the antenna with the beam that its frames for learning show. Raises InputError."""
     frames, antenna = opened(observations, centreline)
     beam = learn_from_frames(antenna, frames_to_learn(frames.frames))
@@ -128,7 +128,7 @@ def work(
     method = _MethodWrapper(function, task.memory_gb)
     if task.method in LEARNING:
         try:
-            antenna = learned(task.observations, task.centreline)
+            antenna = learned_antenna(task.observations, task.centreline)
         except InputError as error:
             supervisor.send("refused", reason=_reason(error))
             return
