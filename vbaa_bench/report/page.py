@@ -20,7 +20,7 @@ from vbaa_bench.report.template import template
 from vbaa_bench.report.views import by_error, views
 from vbaa_bench.report.worst import Row, worst_frames
 from vbaa_bench.scoring.overlay import Overlay
-from vbaa_bench.scoring.statistics import FACTOR, REPORTED
+from vbaa_bench.scoring.statistics import FACTOR
 from vbaa_bench.scoring.strata import reported_strata
 
 
@@ -76,7 +76,6 @@ def page(contents: Contents) -> Page:
         classes=classes,
         palette=palette,
         limited=bool(bins.relative),
-        columns=[(s.heading.report, key) for key, s in REPORTED.items() if s.heading.report],
         factor_heads=[statistic.heading.report for statistic in FACTOR.values()],
     )
     return Page(html, shown[0].wide, {classes[name]: styles[name].light for name in methods})

@@ -458,8 +458,8 @@ TABLE: Final = {
     "consistent_pct": _in_percent(SUMMARY["consistent_rate"], "consistent, %"),
 }
 
-# The figures of a method in the report, by the names of `MethodStatistics`; those with a heading in
-# the order of the table of scores.
+# The figures of a method in the sentences and charts of the report, by the names of
+# `MethodStatistics`.
 REPORTED: Final = {
     "frames": SUMMARY["n"],
     "contacts": Statistic("frames with contact", COUNT, _FRAME, where=_TOUCHED),
@@ -476,8 +476,14 @@ REPORTED: Final = {
     "false_contacts": Statistic(
         "free frames with an estimate", COUNT, _FRAME, where=pl.col("free") & _ANSWERS
     ),
+    "median": SUMMARY["x_c_median_abs_pct_L"],
+    "force_rmse": SUMMARY["force_rmse_pct"],
     "coverage_95": error_statistics(X_C)["coverage_95"],
     "efficiency": _EFFICIENCY,
+    "ms": SUMMARY["ms_per_frame_median"],
+}
+# The figures of the report's table of scores, in the order of its columns.
+REPORT_TABLE: Final = {
     "median": SUMMARY["x_c_median_abs_pct_L"],
     "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT, heading=Heading(report="bias")),
     "rmse": SUMMARY["x_c_rmse_pct_L"],
@@ -494,6 +500,7 @@ REPORTED: Final = {
     "psi_rmse": SUMMARY["psi_rmse_deg"],
     "compliance_rmse": SUMMARY["compliance_rmse_pct"],
     "ms": SUMMARY["ms_per_frame_median"],
+    **ADDED,
 }
 
 # The figures of a group of frames in factors.csv.

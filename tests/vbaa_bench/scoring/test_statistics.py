@@ -24,7 +24,7 @@ from vbaa_bench.scoring.statistics import (
     MEDIAN,
     P05,
     P95,
-    REPORTED,
+    REPORT_TABLE,
     RMS,
     SUMMARY,
     TABLE,
@@ -67,7 +67,7 @@ def test_each_figure_of_a_table_has_a_heading_of_its_own() -> None:
         [declared[name].heading.table for name in tables._COLUMNS],
         [declared[name].heading.scores for name in (*console._SCORES, "n")],
         [one.heading.report for one in FACTOR.values()],
-        [head for one in REPORTED.values() if (head := one.heading.report)],
+        [one.heading.report for one in REPORT_TABLE.values()],
     ):
         assert all(heads)
         assert len(set(heads)) == len(heads)
