@@ -88,6 +88,19 @@ class Job(NamedTuple):
     frames: Sequence[int] | None = None
 
 
+class RunSettings(NamedTuple):
+    """How methods are run: on which centreline, how often on each frame, and with which limits.
+
+    `memory_gb` is the memory of a method and of each process that it starts [GB], 0 for no limit;
+    `frame_s` is the time for a frame, repeats included [s].
+    """
+
+    centreline: str
+    repeats: int
+    memory_gb: float = MEMORY_GB
+    frame_s: float = MAX_FRAME_S
+
+
 class _Pipes(NamedTuple):
     """Standard input and output of a supervisor."""
 
@@ -140,24 +153,22 @@ def solve(
     Raises InputError if the method is unknown, if the observations are not what was generated, or
     if `out` or a temporary folder cannot be written. An earlier table at `out` is then kept.
     """
-    limits = (repeats, memory_gb, frame_s)
+    settings = RunSettings(centreline, repeats, memory_gb, frame_s)
     prepare_output_path(out)
-    (run,) = solve_each([Job(method, layout, out, frames)], centreline, limits, on_output)
+    (run,) = solve_each([Job(method, layout, out, frames)], settings, on_output)
     return run
 
 
 def solve_each(
     jobs: Sequence[Job],
-    centreline: str,
-    limits: tuple[int, float, float],
+    settings: RunSettings,
     on_output: Callable[[str], None] = lambda _line: None,
 ) -> Generator[MethodRun, None, None]:
     """Run methods on datasets, as `solve` does.
 
     One process runs them all, one after another, and sets up a dataset once for consecutive jobs.
-    A method of the user's own needs a process of its own. `limits` are the repeats, the memory [GB]
-    and the time for a frame [s]. The table of a dataset that is refused holds the reason in every
-    row. Raises InputError as `solve` does.
+    A method of the user's own needs a process of its own. The table of a dataset that is refused
+    holds the reason in every row. Raises InputError as `solve` does.
     """
     remaining = list(jobs)
     for job in jobs:
@@ -171,7 +182,7 @@ def solve_each(
                 sources = f"{folder / SOURCES}{os.sep}"
                 return text.replace(sources, "").replace(f"{folder}{os.sep}", "")
 
-            task = (str(folder), centreline, *map(str, limits))
+            task = (str(folder), *map(str, settings))
             environment = _environment(remaining[0].method, folder)
             with _supervisor(
                 task, folder, environment, lambda line: on_output(restored_paths(line))
@@ -195,8 +206,7 @@ def solve_each(
 def solve_rigs(
     rigs: Mapping[int, Layout],
     methods: Mapping[str, str],
-    centreline: str,
-    limits: tuple[int, float, float],
+    settings: RunSettings,
     workers: int,
     on_rig: Callable[[], None],
     on_output: Callable[[str], None],
@@ -216,7 +226,7 @@ def solve_rigs(
             for name, method in methods.items()
         ]
         runs = []
-        for run in solve_each(jobs, centreline, limits, on_output):
+        for run in solve_each(jobs, settings, on_output):
             runs.append(run)
             if len(runs) % len(methods) == 0:
                 on_rig()
