@@ -12,7 +12,12 @@ from vbaa_bench.scoring.computed_scores import COMPUTED
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import with_limits
 from vbaa_bench.scoring.information_sets import check_information, information_of
-from vbaa_bench.scoring.refusals import right_refusals, rightly_refused
+from vbaa_bench.scoring.refusals import (
+    THRESHOLDS,
+    Thresholds,
+    right_refusals,
+    rightly_refused,
+)
 from vbaa_bench.scoring.scene_values import object_radius, scene_value
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
@@ -90,7 +95,7 @@ def score_frames(
     ).drop("acceptable_outcomes", "violated")
 
 
-def true_frames(truth: Truth) -> pl.DataFrame:
+def true_frames(truth: Truth, thresholds: Thresholds = THRESHOLDS) -> pl.DataFrame:
     """Tabulate what scores contain of the truth: one row per frame, without any method."""
     return (
         truth.frames.with_columns(
@@ -104,7 +109,7 @@ def true_frames(truth: Truth) -> pl.DataFrame:
             *(quantity.true.cast(pl.Float64).alias(quantity.truth) for quantity in _QUANTITIES),
         )
         .join(fixed_classes(truth), on="frame_id")
-        .join(right_refusals(truth), on="frame_id")
+        .join(right_refusals(truth, thresholds), on="frame_id")
     )
 
 

@@ -16,7 +16,7 @@ from scipy.special import ndtr
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from vbaa_bench.scoring.computed_scores import COMPUTED
-from vbaa_bench.scoring.refusals import SURE_SNR
+from vbaa_bench.scoring.refusals import THRESHOLDS
 from vbaa_bench.scoring.scored_quantities import (
     COMPLIANCE,
     CONSISTENT_SIGMAS,
@@ -408,10 +408,10 @@ SUMMARY: Final = {
     ),
     "free_frames": Statistic("frames without contact", COUNT, _FRAME, where=pl.col("free")),
     "detection_rate": Statistic(
-        f"share of the contacts with an SNR of {SURE_SNR:g} or more that are stated",
+        f"share of the contacts with an SNR of {THRESHOLDS.sure_snr:g} or more that are stated",
         MEAN,
         _ANSWERS,
-        where=_TOUCHED & (pl.col("snr") >= SURE_SNR),
+        where=_TOUCHED & (pl.col("snr") >= THRESHOLDS.sure_snr),
     ),
     "ms_per_frame_median": Statistic(
         "median time from the image in memory to the estimate",
