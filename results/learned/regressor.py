@@ -31,10 +31,10 @@ from solver.lab.table import csv_text, row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import exists, write_results
-from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.markdown_table import markdown_table
-from vbaa_bench.scoring.metrics import read_predictions
+from vbaa_bench.scoring.predictions import read_predictions
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.statistics import RMS
+from vbaa_bench.scoring.tables import markdown_table
 
 # Pixels per block along rows and columns. Measured: blocks of twice the size do as well.
 BLOCK_PX: Final = (16, 4)

@@ -8,9 +8,9 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import MILLIMETRE, PERCENT
-from vbaa_bench.scoring.markdown_table import markdown_table
 from vbaa_bench.scoring.scored_quantities import CONSISTENT_SIGMAS
 from vbaa_bench.scoring.statistics import MEDIAN, RMS
+from vbaa_bench.scoring.tables import markdown_table
 
 
 @dataclass(frozen=True)

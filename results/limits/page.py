@@ -7,7 +7,7 @@ from typing import Any
 from results.limits import agreement, trials
 from results.limits.agreement import LimitedFrame, LitScene
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.markdown_table import markdown_table
+from vbaa_bench.scoring.tables import markdown_table
 
 Record = dict[str, Any]
 

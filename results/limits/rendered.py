@@ -1,7 +1,7 @@
 """Fisher information of one frame, from its expected image and that of changed parameters.
 
-`frame_information` computes the same in closed form. This road needs none of its assumptions: that
-a pixel sees a straight, evenly lit stretch of the beam, before an even background.
+`frame_information` computes the same in closed form, with the assumption that a pixel shows a
+straight, evenly lit stretch of the beam before an even background. This derivation makes none.
 """
 
 from collections.abc import Collection, Sequence

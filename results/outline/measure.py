@@ -17,7 +17,7 @@ from solver.lab.outline import read_estimates
 from solver.outline.contacts import Contacts, contacts_of
 from solver.outline.fit import MIN_CONTACTS, Outline, fit_outline
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 
 # Probability of three sigmas of one normal error; of two, the ellipse has this probability.
 THREE_SIGMAS: Final = math.erf(3 / math.sqrt(2))

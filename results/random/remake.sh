@@ -6,3 +6,5 @@ for entry in rigs:9501 looks:9502 hard:9503; do
     cp "$RUNS/$scene/scores/factors.csv" "$OUT/${scene}_factors.csv"
     cp "$RUNS/$scene/scores/summary.json" "$OUT/${scene}_summary.json"
 done
+cd "$RUNS"
+python -m results.random rigs looks hard --out "$OUT/thresholds.csv"

@@ -19,8 +19,7 @@ from vbaa_bench.regression.baseline import check_same_scene
 from vbaa_bench.regression.cells import PairedScene
 from vbaa_bench.regression.compared import COMPARED, TIME
 from vbaa_bench.regression.comparison import Comparison, table
-from vbaa_bench.regression.pairing import pair
-from vbaa_bench.regression.scored_run import ScoredRun, read_run
+from vbaa_bench.regression.scored_run import ScoredRun, pair, read_run
 
 WORSE: Final = 1.02
 SLOWER: Final = 1.3

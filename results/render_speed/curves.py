@@ -10,8 +10,7 @@ import polars as pl
 
 from solver.instrument.files import write_bytes
 from vbaa_bench.report.axes import log_axis
-from vbaa_bench.report.drawing import Margins, Plot
-from vbaa_bench.report.figures import chart_png
+from vbaa_bench.report.drawing import Margins, Plot, chart_png
 
 # Error of the image, over the beam's peak radiance, at which seconds are compared.
 TARGET: Final = 0.005

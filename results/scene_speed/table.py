@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from vbaa_bench.scoring.markdown_table import markdown_table
+from vbaa_bench.scoring.tables import markdown_table
 
 # Scene to whose frame all others are compared.
 REFERENCE: Final = "fig8_rigid"

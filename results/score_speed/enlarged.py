@@ -19,7 +19,7 @@ from solver.instrument.hashes import HASHES, digest, hashes_bytes, read_bytes, r
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import found_predictions
 
 # Largest shift of a contact distance at rest [mm]. Chosen: half the step of the paper's scenes.

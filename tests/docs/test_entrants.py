@@ -13,8 +13,7 @@ import pytest
 from solver.instrument.estimate import Outcome
 from tests.simulated import columns, measurement, pushed_points
 from vbaa_bench.scoring.information_sets import SETS
-from vbaa_bench.scoring.metrics import checked_predictions
-from vbaa_bench.scoring.plausible import unknown_columns
+from vbaa_bench.scoring.predictions import checked_predictions, unknown_columns
 from vbaa_bench.scoring.scored_quantities import NUMBERS
 
 # Error of a point [m]: a third of that on the paper's rig, so that the models' own errors show.

@@ -32,8 +32,8 @@ from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.report.report import report
 from vbaa_bench.scene.load import SceneFile, load_scene
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import antenna_of
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score
 
 

@@ -17,8 +17,8 @@ from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.child import Job, solve_each
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.isolation.runs import Job, RunSettings, solve_each
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 from vbaa_bench.scoring.score import found_predictions, score
 from vbaa_bench.workers.jobs import SameProcess
 
@@ -52,7 +52,7 @@ def runs(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
         for layout in layouts
         for method in METHODS
     ]
-    for run in solve_each(jobs, USUAL_CENTRELINE, (1, 0.0, 60.0)):
+    for run in solve_each(jobs, RunSettings(USUAL_CENTRELINE, 1, 0.0)):
         assert run.crashed == 0
     for layout in layouts:
         results = Results(layout.root)

@@ -22,8 +22,8 @@ from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import overlay
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.workers.jobs import SameProcess
 
 

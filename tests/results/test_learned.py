@@ -9,7 +9,7 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from tests.draws import generator
-from vbaa_bench.scoring.metrics import read_predictions
+from vbaa_bench.scoring.predictions import read_predictions
 
 
 def beam(contact: float, deflection: float, ground: float = 20.0, peak: float = 150.0) -> Grey:

@@ -12,7 +12,7 @@ from vbaa_bench.dataset.copies import copy_tree
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score_columns import LIMITS
 
 

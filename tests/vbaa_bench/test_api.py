@@ -21,8 +21,8 @@ from vbaa_bench.assembly.plan import check_scene
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.scene.rendering import Layer
-from vbaa_bench.scoring.child import Job, MethodRun
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.isolation.runs import Job, MethodRun
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.workers.jobs import SameProcess
 
 

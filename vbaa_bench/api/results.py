@@ -15,12 +15,18 @@ from solver.methods import METHODS
 from vbaa_bench.api.data import AnyDataset, dataset_folder
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.applicable import applicable
-from vbaa_bench.scoring.child import MAX_FRAME_S, MEMORY_GB, Job, MethodRun, solve_each
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, run_name
-from vbaa_bench.scoring.score import read_scores, with_own
+from vbaa_bench.scoring.isolation.runs import (
+    MEMORY_GB,
+    Job,
+    MethodRun,
+    RunSettings,
+    applicable,
+    solve_each,
+    solve_rigs,
+)
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results, run_name
+from vbaa_bench.scoring.score import read_scores, score_rigs, with_own
 from vbaa_bench.scoring.score import score as write_scores
-from vbaa_bench.scoring.scored_collection import score_rigs, solve_rigs
 from vbaa_bench.workers.resources import cores
 
 # Name that selects all methods of the solver.
@@ -98,19 +104,19 @@ def solve(
     # Methods of the solver share a set-up; each of the user's own has its own process.
     groups = [[name for name in chosen if name in METHODS]]
     groups += [[name] for name in chosen if name not in METHODS]
-    limits = (repeats, memory_gb, MAX_FRAME_S)
     runs: dict[str, MethodRun] = {}
     for group, centreline in product(filter(None, groups), dict.fromkeys(centrelines)):
         named = {run_name(method, centreline): method for method in group}
+        settings = RunSettings(centreline, repeats, memory_gb)
         if rigs:
             on_start(", ".join(named))
-            runs |= solve_rigs(rigs, named, centreline, limits, cores(), on_rig, on_output)
+            runs |= solve_rigs(rigs, named, settings, cores(), on_rig, on_output)
             continue
         jobs = [
             Job(method, results.dataset, results.predictions / f"{name}.csv")
             for name, method in named.items()
         ]
-        with closing(solve_each(jobs, centreline, limits, on_output)) as solved:
+        with closing(solve_each(jobs, settings, on_output)) as solved:
             for name in named:
                 on_start(name)
                 runs[name] = run = next(solved)

@@ -24,12 +24,13 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.child import MethodRun, solve
-from vbaa_bench.scoring.metrics import read_predictions, score_frames
-from vbaa_bench.scoring.plausible import NEAR
-from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
+from vbaa_bench.scoring.frame_scores import score_frames
+from vbaa_bench.scoring.isolation.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
+from vbaa_bench.scoring.isolation.runs import MethodRun, solve
+from vbaa_bench.scoring.predictions import read_predictions
 from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES, ScoredQuantity
 from vbaa_bench.scoring.statistics import CONTACTS, LARGEST, MEDIAN, RMS
+from vbaa_bench.scoring.wrong_units import NEAR, factors
 
 FRAMES: Final = 12
 # Three pushes of four frames, of which the first is not yet in contact. The object is inclined, so
@@ -55,21 +56,8 @@ pushes:
 # Columns that differ between any two runs.
 _TIMES: Final = ("image_ms", PROCESSOR_COLUMN, REFERENCE_COLUMN)
 
-# Factors of an estimate by a wrong unit, and the mistake.
-_LENGTHS: Final = {1e3: "in mm instead of m", 100: "in cm instead of m", 1e6: "in um instead of m"}
-_ANGLES: Final = {180 / math.pi: "in degrees instead of radians"}
-_FORCES: Final = {
-    1e3: "in mN instead of N",
-    1 / 9.81: "in kgf instead of N",
-    1e3 / 9.81: "in gf instead of N",
-}
-_FACTORS: Final = {
-    "mm": _LENGTHS,
-    "deg": _ANGLES,
-    "n": _FORCES,
-    "mm_per_n": {1e3: "in mm/N instead of m/N"},
-    "n_per_m": {1e-3: "in N/mm instead of N/m"},
-}
+# Units in which a method states its values, by the suffixes of columns of predictions.
+_UNITS: Final = {"mm": "m", "deg": "radians", "n": "N", "mm_per_n": "m/N", "n_per_m": "N/m"}
 # Frames of reference of the quantities whose sign may be wrong.
 _SIGNS: Final = {
     "x_c": "x points from the clamp to the tip",
@@ -222,9 +210,9 @@ def _places(truth: Truth, scores: pl.DataFrame) -> Iterator[Finding]:
     if pairs.height < 3:
         return
     estimated, true = (pairs[name].to_numpy() for name in pairs.columns)
-    from_tip = np.median(np.abs(length - estimated - true))
+    from_tip = MEDIAN.of(np.abs(length - estimated - true))
     # The middle of the beam is equally far from both ends.
-    if from_tip < 0.05 * length < np.median(np.abs(estimated - true)):
+    if from_tip < 0.05 * length < MEDIAN.of(np.abs(estimated - true)):
         yield Finding("wrong", "x_c_m is measured from the tip; measure it from the clamp")
 
 
@@ -233,8 +221,9 @@ def _unit_and_sign(scores: pl.DataFrame, quantity: ScoredQuantity) -> Iterator[F
     ratios = _ratios(scores, quantity)
     if len(ratios) < 3:
         return
-    ratio = float(np.median(ratios))
-    mistakes = {1.0: "", **_FACTORS.get(quantity.unit, {})}
+    ratio = MEDIAN.of(ratios)
+    unit = _UNITS.get(quantity.unit)
+    mistakes = {1.0: unit} if unit is None else {1.0: unit, **factors(unit)}
     if not ratio:
         yield Finding("note", f"{quantity.column} is 0 in most frames")
         return
@@ -248,7 +237,7 @@ def _unit_and_sign(scores: pl.DataFrame, quantity: ScoredQuantity) -> Iterator[F
         if same > 0.9:
             yield Finding("wrong", f"{head}: its sign is reversed; {where}")
     if factor != 1 and distance < NEAR:
-        yield Finding("wrong", f"{head}: it seems to be {mistakes[factor]}")
+        yield Finding("wrong", f"{head}: it seems to be in {mistakes[factor]} instead of {unit}")
     elif distance > NEAR:
         yield Finding("wrong", f"{head}: is it in the unit and of the place that it should be?")
 

@@ -39,7 +39,7 @@ def stress(
     with importing():
         from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.benchmarks.stress import command
-        from vbaa_bench.benchmarks.stress.run import HEADS, TITLE, lines
+        from vbaa_bench.benchmarks.stress.table import HEADS, TITLE, lines
         from vbaa_bench.render.variant import choose
         from vbaa_bench.scene.load import load_scene
         from vbaa_bench.workers.resources import cores
@@ -104,10 +104,10 @@ def budget(
         for dataset in datasets:
             task = progress.add_task(dataset.name, total=None)
 
-            def tick(frames: int, task: TaskID = task) -> None:
+            def on_frame(frames: int, task: TaskID = task) -> None:
                 progress.update(task, total=len(methods) * frames, advance=1)
 
-            record = command.budget(dataset, methods, tick=tick)
+            record = command.budget(dataset, methods, on_frame=on_frame)
             rows += command.rows(dataset.name, record)
     if out:
         write(out, pl.DataFrame(rows, infer_schema_length=None).write_csv().encode())

@@ -8,7 +8,7 @@ import typer
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE
 
 # Copied for help texts, because importing the originals takes seconds. A test compares them.
 METHODS: Final = (

@@ -34,10 +34,10 @@ from vbaa_bench.cli.options import (
     Workers,
 )
 from vbaa_bench.report.console import console, outcomes, print_line, print_result, show_scores
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 
 if TYPE_CHECKING:
-    from vbaa_bench.scoring.child import MethodRun
+    from vbaa_bench.scoring.isolation.runs import MethodRun
 
 
 def run(
@@ -187,12 +187,8 @@ def solve_dataset(
 
 def _report(root: Path, baseline: Path | None = None) -> Path:
     with importing():
-        from vbaa_bench.dataset.collection import is_collection
-        from vbaa_bench.report.collection_report import collection_report
         from vbaa_bench.report.report import report as write_report
 
-    if is_collection(root):
-        return collection_report(root, baseline)
     return write_report(Results(root), baseline)
 
 

@@ -34,18 +34,17 @@ def speed(
 ) -> None:
     """Measure the time of each method, from an image in memory and from points, and its error."""
     with importing():
-        from vbaa_bench.benchmarks import speed_solve
+        from vbaa_bench.benchmarks.speed import measure_apart, with_errors
         from vbaa_bench.dataset.layout import Layout
         from vbaa_bench.dataset.readers import open_truth
-        from vbaa_bench.scoring.speed import judged
 
     layout = Layout(dataset or _quickstart(variant))
     truth = open_truth(layout.truth)
     with console.status("measuring on one core"):
-        measured = speed_solve.measure_apart(
+        measured = measure_apart(
             layout.observations, method, frames, repeats, first_ever=first_ever
         )
-    record = {"dataset": str(layout.root), **judged(truth, measured)}
+    record = {"dataset": str(layout.root), **with_errors(truth, measured)}
     if as_json:
         print_result(record, "", True)
     else:

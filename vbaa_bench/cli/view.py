@@ -151,7 +151,7 @@ def _show_frames(
     """Write frames of a dataset as recording, animation or contact sheet."""
     with importing():
         from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.scoring.layout import Results
+        from vbaa_bench.scoring.results_layout import Results
         from vbaa_bench.viewer.animation import gif, mp4
         from vbaa_bench.viewer.frames import open_frames
         from vbaa_bench.viewer.recording import write_recording

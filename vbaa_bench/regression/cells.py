@@ -9,7 +9,7 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.regression.compared import COMPARED, TIME, ComparedQuantity
-from vbaa_bench.regression.permutation_test import Changes
+from vbaa_bench.regression.permutation_test import ChangeTable
 from vbaa_bench.scoring.strata import ALL, compared_strata
 
 ALL_SCENES: Final = "all scenes"
@@ -65,14 +65,14 @@ def cells(scenes: Mapping[str, PairedScene]) -> list[Cell]:
     return [cell for cell in listed if len(cell.units) >= _FEWEST_PUSHES]
 
 
-def changes(listed: list[Cell]) -> Changes:
+def change_table(listed: list[Cell]) -> ChangeTable:
     """Arrange the changes of cells for the test."""
     rows = {unit: n for n, unit in enumerate(dict.fromkeys(u for c in listed for u in c.units))}
     groups = {key: n for n, key in enumerate(dict.fromkeys(map(_group, listed)))}
     matrix = np.full((len(rows), len(listed)), np.nan)
     for column, cell in enumerate(listed):
         matrix[[rows[unit] for unit in cell.units], column] = cell.new - cell.old
-    return Changes(
+    return ChangeTable(
         matrix,
         np.array([cell.shared_sigma for cell in listed]),
         np.array([groups[_group(cell)] for cell in listed]),

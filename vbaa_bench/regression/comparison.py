@@ -11,11 +11,10 @@ import numpy as np
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.collection import is_collection
 from vbaa_bench.regression.baseline import check_same_scene, read_baseline
-from vbaa_bench.regression.cells import Cell, PairedScene, cells, changes
+from vbaa_bench.regression.cells import Cell, PairedScene, cells, change_table
 from vbaa_bench.regression.compared import TIME, ComparedQuantity
-from vbaa_bench.regression.pairing import pair
-from vbaa_bench.regression.permutation_test import FALSE_ALARM, swap_test
-from vbaa_bench.regression.scored_run import ScoredRun, read_run
+from vbaa_bench.regression.permutation_test import FALSE_ALARM, permutation_test
+from vbaa_bench.regression.scored_run import ScoredRun, pair, read_run
 from vbaa_bench.scoring.strata import ALL
 
 Verdict = Literal["worse", "better", "not distinguishable", "same"]
@@ -165,7 +164,9 @@ def _tested(listed: list[Cell], share: float) -> list[Change]:
     """Test cells together, with a share of the false alarms of the whole table."""
     if not listed:
         return []
-    tested = swap_test(changes(listed), share * FALSE_ALARM, np.random.default_rng(_SEED))
+    tested = permutation_test(
+        change_table(listed), share * FALSE_ALARM, np.random.default_rng(_SEED)
+    )
     return [
         _change(cell, min(float(p) / share, 1.0), float(smallest))
         for cell, p, smallest in zip(listed, *tested, strict=True)

@@ -31,7 +31,7 @@ _SWAPS: Final = 4999
 _BLOCK_VALUES: Final = 8_000_000
 
 
-class Changes(NamedTuple):
+class ChangeTable(NamedTuple):
     """Changes of all cells, new minus old.
 
     `pushes` (u, c) has one row per push, NaN where a push is not in a cell. `shared_sigma` (c,) is
@@ -55,7 +55,9 @@ class Verdicts(NamedTuple):
     smallest: Floats
 
 
-def swap_test(changes: Changes, false_alarm: float, rng: np.random.Generator) -> Verdicts:
+def permutation_test(
+    changes: ChangeTable, false_alarm: float, rng: np.random.Generator
+) -> Verdicts:
     """Test all cells at once, with t = sum(d) / sqrt(sum(d^2) + (n s)^2).
 
     d are the changes of the n pushes of a cell, s its shared sigma. Swaps of old and new change the

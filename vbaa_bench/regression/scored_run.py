@@ -1,4 +1,4 @@
-"""A scored run as one table of frames: what a baseline keeps, and what is compared with it."""
+"""A scored run as one table of frames: what a baseline keeps, and how it pairs with another run."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import polars as pl
 
+from solver.instrument.errors import InputError
 from solver.instrument.hashes import digest, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
@@ -13,7 +14,7 @@ from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores, read_summary
 
 # A frame's place in its scene: the rig of a collection, 0 for a dataset, and the trial.
@@ -30,6 +31,10 @@ NUMBERS: Final = (
 PARAMETERS: Final = (*TEXTS, *NUMBERS)
 # The results of a method for a frame.
 RESULTS: Final = ("outcome", *(quantity.column for quantity in COMPARED))
+# Chosen: far above the six stored digits and the change of a contact by gravity at another motor
+# angle, far below the distance of two trials.
+_SAME: Final = 1e-3
+_NEW: Final = "_new"
 # Keys of a scene that do not change its experiment: its name, its random numbers, the sizes of the
 # set and of its files, the layers that are kept.
 _NOT_THE_EXPERIMENT: Final[dict[str, Any]] = {
@@ -85,6 +90,42 @@ def read_run(root: Path) -> ScoredRun:
     processor = str(read_summary(results)["machine"]["processor"])
     hashes = "".join(_image_hashes(layout) for layout in layouts.values())
     return ScoredRun(title, settings, digest(hashes.encode()), processor, _compact(frames))
+
+
+def pair(old: ScoredRun, new: ScoredRun, path: Path) -> pl.DataFrame:
+    """Pair the frames of a baseline, read from `path`, with those of a run, for each method.
+
+    Frames are paired by rig, trial and method. Their true parameters must agree: texts exactly,
+    numbers to 0.1 %. The parameters and `push_id` are those of the run; results of the baseline
+    have their own names, and those of the run end with `_new`. Raises InputError if no frame is
+    paired.
+    """
+    joined = old.frames.drop("push_id", strict=False).join(
+        new.frames, on=[*PLACE, "method"], how="inner", suffix=_NEW, maintain_order="right"
+    )
+    scale = {name: pl.max_horizontal(pl.col(name).abs(), _new(name).abs()) for name in NUMBERS}
+    same = [pl.col(name).eq_missing(_new(name)) for name in TEXTS]
+    same += [
+        (pl.col(name).is_null() & _new(name).is_null())
+        | ((pl.col(name) - _new(name)).abs() <= _SAME * scale[name]).fill_null(value=False)
+        for name in NUMBERS
+    ]
+    paired = joined.filter(pl.all_horizontal(same))
+    if paired.is_empty():
+        reason = "no common method" if joined.is_empty() else "other true parameters"
+        raise InputError(f"{path}: no frame can be compared with the run ({reason})")
+    return paired.select(
+        *PLACE,
+        "method",
+        "push_id",
+        *(_new(name).alias(name) for name in (*TEXTS, *NUMBERS)),
+        *RESULTS,
+        *(f"{name}{_NEW}" for name in RESULTS),
+    )
+
+
+def _new(name: str) -> pl.Expr:
+    return pl.col(f"{name}{_NEW}")
 
 
 def _settings(scene: dict[str, Any]) -> dict[str, Any]:

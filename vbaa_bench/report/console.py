@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rich import box
 from rich.console import Console
@@ -21,6 +21,16 @@ from rich.text import Text
 from solver.instrument.errors import printable
 
 console = Console(stderr=True, highlight=False)
+
+# Figures of the small table of scores, followed by the number of frames.
+_SCORES: Final = (
+    "x_c_median_abs_pct_L",
+    "x_c_rmse_pct_L",
+    "x_c_rmse_all_pct_L",
+    "force_rmse_pct",
+    "failure_rate",
+    "ms_per_frame_median",
+)
 
 
 def print_result(record: dict[str, Any], sentence: str, as_json: bool) -> None:
@@ -91,20 +101,16 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
     if as_json:
         print_result(record, "", True)
         return
-    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "failures as L/2")
+    from vbaa_bench.scoring.statistics import SUMMARY  # late: most commands need no tables
+
     rows = []
     for name, values in summary["methods"].items():
-        numbers = (
-            values["x_c_median_abs_pct_L"],
-            values["x_c_rmse_pct_L"],
-            values["x_c_rmse_all_pct_L"],
-            values["force_rmse_pct"],
-            100 * values["failure_rate"],
-            values["ms_per_frame_median"],
-        )
+        # A rate is shown in per cent.
+        numbers = [values[key] if key != "failure_rate" else 100 * values[key] for key in _SCORES]
         cells = ("–" if value is None else f"{value:.3g}" for value in numbers)
         rows.append((name, *cells, str(values["n"])))
-    show_table("scores", (*heads, "force RMSE, %", "failed, %", "ms / frame", "n"), rows)
+    heads = [SUMMARY[key].heading.scores for key in (*_SCORES, "n")]
+    show_table("scores", ("method", *heads), rows)
     for name, values in summary["methods"].items():
         for quantity, share in values["efficiency"].items():
             if quantity == "x_c_mm" or share["impossible"]:
@@ -116,7 +122,7 @@ def outcomes(table: Path) -> str:
     import polars as pl  # imported late: only methods' commands need tables
 
     from solver.instrument.estimate import Outcome
-    from vbaa_bench.scoring.metrics import read_predictions
+    from vbaa_bench.scoring.predictions import read_predictions
 
     rows = read_predictions(table).group_by("outcome").agg(pl.len(), pl.col("message").first())
     parts = [

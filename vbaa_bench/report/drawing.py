@@ -1,13 +1,18 @@
-"""Charts as SVG, small enough to repeat: classes for colours, which the page's style defines."""
+"""Charts as SVG, small enough to repeat, and as PNG.
 
-from collections.abc import Sequence
+Colours are classes, which the page's style defines; a PNG gets those of the light scheme.
+"""
+
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Final, NamedTuple
 
 import numpy as np
+import vl_convert as vlc
 from markupsafe import Markup
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.report import palette
 from vbaa_bench.report.axes import Axis
 from vbaa_bench.report.numbers import short
 
@@ -18,6 +23,18 @@ _SHAPES: Final = {
     "diamond": "M0-1.25 1.25 0 0 1.25-1.25 0z",
     "triangle": "M0-1.3 1.2.85h-2.4z",
 }
+
+# The parts of style.css that a PNG needs, in the light scheme.
+_STYLE: Final = """
+text { font: 11px sans-serif; fill: #555d66 }
+text.name { text-anchor: middle; fill: #1b1f23 }
+text.label { font-size: 12.5px; fill: currentColor }
+.grid { fill: none; stroke: #d8dde2; stroke-width: 0.7 }
+.leader { stroke: currentColor; opacity: 0.45 }
+.limit { stroke: #1b1f23; stroke-width: 1.4; stroke-dasharray: 6 4 } .ink { color: #1b1f23 }
+.bar, .curve { stroke: currentColor; stroke-width: 1.8 } .band { opacity: 0.18 }
+"""
+_SCALE: Final = 2
 
 
 class Margins(NamedTuple):
@@ -126,6 +143,17 @@ def element(tag: str, content: str = "", /, **attributes: object) -> str:
         if value is not None
     )
     return f"<{tag}{words}>{content}</{tag}>" if content else f"<{tag}{words}/>"
+
+
+def chart_png(chart: Markup, colours: Mapping[str, str], scale: float = _SCALE) -> bytes:
+    """Convert a chart to PNG, `scale` pixels per px; `colours` are those of its CSS classes."""
+    rules = "".join(f".{name} {{ color: {colour} }}" for name, colour in colours.items())
+    head, _, body = chart.partition(">")
+    # The converter knows no background of an svg: without paper, dark letters are on nothing.
+    paper = f'<rect width="100%" height="100%" fill="{palette.LIGHT_PAGE}"/>'
+    style = f"<style>{_STYLE}{rules}</style>"
+    svg = f'{head} xmlns="http://www.w3.org/2000/svg">{style}{paper}{body}'
+    return bytes(vlc.svg_to_png(svg, scale=scale))
 
 
 def key(shape: str) -> Markup:

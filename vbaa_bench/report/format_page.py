@@ -22,7 +22,7 @@ from vbaa_bench.dataset import (
     tables,
 )
 from vbaa_bench.scene import files
-from vbaa_bench.scoring import layout as results
+from vbaa_bench.scoring import results_layout as results
 
 
 class Section(NamedTuple):

@@ -71,6 +71,20 @@ def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int =
     return view.canvas
 
 
+def overlay_png(frame: Overlay, colours: Colours) -> bytes:
+    """Draw a frame and its enlarged contact side by side, as PNG."""
+    parts = (strip(frame, colours), close_up(frame, colours, scale=6))
+    height = max(map(len, parts))
+    canvases = []
+    for part in parts:
+        padded = np.full((height, part.shape[1], 3), 255, np.uint8)
+        padded[: len(part)] = part
+        canvases.append(padded)
+    gap = np.full((height, 8, 3), 255, np.uint8)
+    _, picture = cv2.imencode(".png", np.hstack([canvases[0], gap, canvases[1]]))
+    return bytes(picture)
+
+
 def webp_uri(canvas: np.ndarray) -> str:
     """Encode an image (height, width) or (height, width, 3) as a data URI."""
     _, data = cv2.imencode(".webp", canvas, [cv2.IMWRITE_WEBP_QUALITY, 80])

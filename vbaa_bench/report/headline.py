@@ -1,4 +1,4 @@
-"""One sentence per method: accuracy, speed, share answered, honesty and efficiency."""
+"""One sentence per method: accuracy, speed, share answered, coverage and efficiency."""
 
 from collections.abc import Collection
 
@@ -18,7 +18,7 @@ _LEAST = 0.001
 
 def headline(one: MethodStatistics) -> Markup:
     """Write the sentence of a method, without its name; figures are in <b>."""
-    clauses = [_accuracy(one), _share(one), _honesty(one), _efficiency(one)]
+    clauses = [_accuracy(one), _share(one), _coverage(one), _efficiency(one)]
     text = Markup("; ").join(clause for clause in clauses if clause)
     return _unbroken(Markup(text + "."))
 
@@ -81,7 +81,7 @@ def _share(one: MethodStatistics) -> Markup:
     return escape("; ".join(parts))
 
 
-def _honesty(one: MethodStatistics) -> Markup:
+def _coverage(one: MethodStatistics) -> Markup:
     share = one.coverage_95
     if share is None:
         return Markup("states no uncertainty" if one.answered else "")

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from vbaa_bench.report.numbers import short
+from vbaa_bench.scoring.statistics import SUMMARY
 
 # Chosen: six columns of 44 px fit a telephone.
 _COLUMNS: Final = 6
@@ -109,13 +110,15 @@ def _equal(values: pl.Series, column: pl.Expr, count: int) -> tuple[list[str], p
 
 def heat_maps(rows: pl.DataFrame, bins: Bins, methods: Sequence[str]) -> list[HeatMap]:
     """Make the heat map of every method that estimates x_c, from scores with bins."""
-    error = pl.col("x_c_error_pct_L")
-    rmse = (error**2).mean().sqrt()
-    ratio = ((error / pl.col("x_c_limit_pct_L")) ** 2).mean().sqrt()
     cells = (
         rows.drop_nulls(["x_bin", "y_bin"])
         .group_by("method", "y_bin", "x_bin")
-        .agg(frames=pl.len(), answered=error.count(), rmse=rmse, ratio=ratio)
+        .agg(
+            frames=pl.len(),
+            answered=pl.col("x_c_error_pct_L").count(),
+            rmse=SUMMARY["x_c_rmse_pct_L"].expression,
+            ratio=SUMMARY["x_c_rmse_over_limit"].expression,
+        )
     )
     found = {
         (record["method"], record["y_bin"], record["x_bin"]): record for record in cells.to_dicts()

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from vbaa_bench.scoring.bootstrap import Interval, group_numbers, median_interval
-from vbaa_bench.scoring.efficiency import share_of_information
-from vbaa_bench.scoring.statistics import HEADINGS, REPORTED, SUMMARY
+from vbaa_bench.scoring.statistics import REPORT_TABLE, REPORTED
 
 
 @dataclass(frozen=True)
@@ -15,7 +14,8 @@ class MethodStatistics:
     """Statistics `REPORTED` of one method; errors of x_c in % of L. None: no frame counts.
 
     `median_95` and `ms_95` are intervals over pushes. `information` is the method's information
-    set. `added` are the RMSEs of scores with a heading of their own, by this heading.
+    set, `efficiency` the share of its information that the method uses. `figures` are the
+    statistics `REPORT_TABLE` by name.
     """
 
     method: str
@@ -26,32 +26,19 @@ class MethodStatistics:
     right_refusals: int
     false_contacts: int
     median: float | None
-    p95: float | None
-    worst: float | None
-    rmse: float | None
-    bias: float | None
-    rmse_all: float | None
     force_rmse: float | None
-    psi_rmse: float | None
-    compliance_rmse: float | None
     coverage_95: float | None
+    efficiency: float | None
     ms: float | None
-    matched: int
-    rmse_over_limit: float | None
     information: str | None
     median_95: Interval | None
     ms_95: Interval | None
-    added: Mapping[str, float | None]
+    figures: Mapping[str, float | None]
 
     @property
     def share_answered(self) -> float | None:
         """Fraction of the contacts that have an estimate."""
         return self.answered / self.contacts if self.contacts else None
-
-    @property
-    def efficiency(self) -> float | None:
-        """Fraction of the available information that the method uses, as in `scoring`."""
-        return share_of_information(self.rmse_over_limit, self.matched)
 
 
 def with_groups(scores: pl.DataFrame) -> pl.DataFrame:
@@ -62,9 +49,8 @@ def with_groups(scores: pl.DataFrame) -> pl.DataFrame:
 
 def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
     """Compute the statistics of every method in `rows`, scores with `group` and limits."""
-    figures = {name: statistic.expression for name, statistic in REPORTED.items()}
+    figures = {name: one.expression for name, one in (REPORTED | REPORT_TABLE).items()}
     figures["information"] = pl.col("information").first()
-    figures |= {name: SUMMARY[name].expression for name in HEADINGS}
     parts = rows.select("method", "group", "x_c_error_pct_L", "image_ms").partition_by(
         "method", as_dict=True
     )
@@ -76,6 +62,6 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
             **{name: row[name] for name in ("method", *REPORTED, "information")},
             median_95=median_interval(part["x_c_error_pct_L"], groups),
             ms_95=median_interval(part["image_ms"], groups),
-            added={heading: row[name] for name, heading in HEADINGS.items()},
+            figures={name: row[name] for name in REPORT_TABLE},
         )
     return methods

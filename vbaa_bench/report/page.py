@@ -20,6 +20,7 @@ from vbaa_bench.report.template import template
 from vbaa_bench.report.views import by_error, views
 from vbaa_bench.report.worst import Row, worst_frames
 from vbaa_bench.scoring.overlay import Overlay
+from vbaa_bench.scoring.statistics import FACTOR
 from vbaa_bench.scoring.strata import reported_strata
 
 
@@ -47,10 +48,11 @@ class Contents:
 
 @dataclass(frozen=True)
 class Page:
-    """The page as HTML, and its first chart as an SVG for other uses."""
+    """The page as HTML, and its first chart for other uses: as SVG, with colours by CSS class."""
 
     html: str
     speed: Markup
+    colours: Mapping[str, str]
 
 
 def page(contents: Contents) -> Page:
@@ -74,5 +76,6 @@ def page(contents: Contents) -> Page:
         classes=classes,
         palette=palette,
         limited=bool(bins.relative),
+        factor_heads=[statistic.heading.report for statistic in FACTOR.values()],
     )
-    return Page(html, shown[0].wide)
+    return Page(html, shown[0].wide, {classes[name]: styles[name].light for name in methods})

@@ -11,6 +11,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.report.axes import Axis, log_axis, signed_axis
 from vbaa_bench.report.drawing import Margins, Plot
 from vbaa_bench.report.numbers import short, signed
+from vbaa_bench.scoring.statistics import MEDIAN, P05, P95
 from vbaa_bench.scoring.strata import Stratum
 
 _SIZE: Final = (300, 190)
@@ -144,7 +145,7 @@ def panels(
     table = _table(scores, figure, strata)
     table = table.with_columns(_bin(table["x"], figure))
     errors = table["y"].to_numpy()
-    medians = table.group_by("method").agg(pl.col("y").abs().median())["y"].to_list()
+    medians = table.group_by("method").agg(MEDIAN.expression(pl.col("y").abs()))["y"].to_list()
     y = signed_axis(f"{figure.y_label} [{figure.y_unit}]", errors, min(medians))
     x = _x_axis(table["x"].to_numpy(), figure)
     charts = []
@@ -193,10 +194,9 @@ def _x_axis(values: Floats, figure: Figure) -> Axis:
 def _panel(
     rows: pl.DataFrame, figure: Figure, name: str, style: str, axes: tuple[Axis, Axis], views: int
 ) -> Markup:
-    middle = rows["y"].abs().median()
+    middle = MEDIAN.of(rows["y"].abs().to_numpy())
     description = (
-        f"{name}: {figure.y_label} over {figure.x_label}, "
-        f"median {short(middle if isinstance(middle, float) else None)} {figure.y_unit}"
+        f"{name}: {figure.y_label} over {figure.x_label}, median {short(middle)} {figure.y_unit}"
     )
     plot = Plot(*axes, _SIZE, description, Margins(left=58))
     plot.across(0.0, class_="zero")
@@ -229,10 +229,10 @@ def _medians(plot: Plot, rows: pl.DataFrame, style: str, view: int) -> None:
     line = (
         rows.group_by("bin")
         .agg(
-            pl.col("x").median(),
-            middle=y.median(),
-            low=y.quantile(0.05, "linear"),
-            high=y.quantile(0.95, "linear"),
+            MEDIAN.expression(pl.col("x")),
+            middle=MEDIAN.expression(y),
+            low=P05.expression(y),
+            high=P95.expression(y),
         )
         .sort("x")
     )

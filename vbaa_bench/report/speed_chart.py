@@ -16,6 +16,7 @@ from vbaa_bench.report.method_statistics import MethodStatistics
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
 from vbaa_bench.scoring.information_sets import SETS
+from vbaa_bench.scoring.statistics import MEDIAN
 
 # Distance between the centres of labels, for letters 12 px high.
 LABEL_GAP_PX: Final = 16
@@ -50,8 +51,8 @@ def limit_lines(rows: pl.DataFrame) -> dict[str, float]:
     """
     unique = rows.drop_nulls("x_c_limit_pct_L").unique(["information", *_frame_keys(rows)])
     return {
-        str(name): float(
-            np.median(np.outer(part["x_c_limit_pct_L"].to_numpy(), ndtri((1 + _QUANTILES) / 2)))
+        str(name): MEDIAN.of(
+            np.outer(part["x_c_limit_pct_L"].to_numpy(), ndtri((1 + _QUANTILES) / 2))
         )
         for (name,), part in unique.sort("information").group_by("information", maintain_order=True)
     }

@@ -13,7 +13,7 @@ from vbaa_bench.report.heat_map import Bins, HeatMap, heat_maps
 from vbaa_bench.report.method_statistics import MethodStatistics, method_statistics
 from vbaa_bench.report.outcomes import OutcomeTable, messages, outcomes
 from vbaa_bench.report.palette import Style
-from vbaa_bench.scoring.statistics import SUMMARY
+from vbaa_bench.scoring.statistics import REPORT_TABLE, SUMMARY
 from vbaa_bench.scoring.strata import Stratum
 
 
@@ -42,15 +42,14 @@ class View:
         """Heading and label, such as "deflection 5 % of L"."""
         return f"{self.heading} {self.label}".strip()
 
-    def has(self, name: str) -> bool:
-        """Test whether any method has a value of a statistic."""
-        return any(getattr(one, name) is not None for one in self.methods)
-
     @property
-    def added(self) -> list[str]:
-        """Headings of the added scores of which any method has a value."""
-        heads = dict.fromkeys(head for one in self.methods for head in one.added)
-        return [head for head in heads if any(one.added[head] is not None for one in self.methods)]
+    def columns(self) -> dict[str, str]:
+        """Headings of the table of scores, by figure: of those that any method has."""
+        return {
+            name: one.heading.report
+            for name, one in REPORT_TABLE.items()
+            if any(method.figures[name] is not None for method in self.methods)
+        }
 
 
 def by_error(scores: pl.DataFrame) -> list[str]:

@@ -10,12 +10,11 @@ import polars as pl
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
-from vbaa_bench.scoring.efficiency import share_of_information
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.remarks import remarks
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.scoring.scored_quantities import LIMITED
-from vbaa_bench.scoring.statistics import RMS
+from vbaa_bench.scoring.statistics import RMS, TABLE, compute
 from vbaa_bench.scoring.strata import class_order, with_labels
 from vbaa_bench.scoring.summary import summarise_method
 
@@ -26,8 +25,6 @@ BOUND: Final = "bound"
 # And of what a method reaches that assumes a uniform beam and one contact without friction, where
 # every frame breaks these assumptions.
 SIMPLE_MODEL: Final = "simple model"
-# Quantities whose stated sigmas are compared with errors in the table.
-_STATED: Final = ("x_c", "psi", "compliance_last", "second_s_c")
 
 
 def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
@@ -38,10 +35,8 @@ def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
     contact. Where all frames break the assumptions of the simple model, "simple model (planar)" is
     what the best method with that model reaches.
 
-    A row contains the values of `summarise_method`. Separate columns repeat the fractions of x_c,
-    psi and a push's last compliance within three stated sigmas [%], and for x_c the ratio of stated
-    sigma to RMSE, the fraction within 1.96 sigmas and the share of the information that is used
-    [%]. Raises InputError for a dataset that is not scored, and for an unknown condition.
+    A row contains the values of `summarise_method` and the statistics `TABLE`. Raises InputError
+    for a dataset that is not scored, and for an unknown condition.
     """
     if by is not None and by not in (*CONDITIONS, *STRATA):
         allowed = ", ".join((*CONDITIONS, *STRATA))
@@ -124,24 +119,4 @@ def _rms(rows: pl.DataFrame, values: pl.Expr) -> float | None:
 
 
 def _row(rows: pl.DataFrame) -> Row:
-    values = summarise_method(rows)
-    stated = {name: values["calibration"][name] or {} for name in _STATED}
-    percentages = {
-        f"{name}_within_3_sigma_pct": _percent(coverage.get("within_3_sigma"))
-        for name, coverage in stated.items()
-    }
-    over_limit, answered = values["x_c_rmse_over_limit"], rows["x_c_error_pct_L"].count()
-    return values | {
-        **percentages,
-        "x_c_sigma_over_rmse": stated["x_c"].get("sigma_over_rmse"),
-        "second_s_c_sigma_over_rmse": stated["second_s_c"].get("sigma_over_rmse"),
-        "x_c_coverage_95_pct": _percent(stated["x_c"].get("coverage_95")),
-        "x_c_efficiency_pct": _percent(share_of_information(over_limit, answered)),
-        "second_answered_pct": _percent(values["second_detection_rate"]),
-        "second_false_pct": _percent(values["false_second_rate"]),
-        "consistent_pct": _percent(values["consistent_rate"]),
-    }
-
-
-def _percent(fraction: float | None) -> float | None:
-    return None if fraction is None else 100 * fraction
+    return summarise_method(rows) | compute(TABLE, rows)

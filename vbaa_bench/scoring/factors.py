@@ -7,6 +7,7 @@ import polars as pl
 
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.conditions import FACTOR_PREFIX
+from vbaa_bench.scoring.scene_values import first_light
 from vbaa_bench.scoring.statistics import FACTOR, compute
 from vbaa_bench.scoring.strata import factor_groups
 
@@ -42,7 +43,7 @@ def rig_factors(truth: Truth) -> dict[str, pl.Expr]:
         "beam_length_over_diameter": rig["beam_length_mm"] / rig["beam_diameter_mm"],
         "beam_width_px": beam_width_px(truth),
         "direction_in_image_deg": _direction_deg(truth),
-        "light": scene["lights"][0]["kind"] if scene["lights"] else "area above",
+        "light": first_light(truth),
     }
     for section, key in _SCENE_KEYS:
         value = (scene.get(section) or {}).get(key)

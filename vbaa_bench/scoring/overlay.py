@@ -20,7 +20,7 @@ from solver.set_up import set_up
 from solver.tracker import extract_centreline
 from vbaa_bench.dataset.readers import Truth, read_frame
 from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ For such a frame, values with consistent sigmas are also right. Allowed outcomes
 truth:
 
 - no contact: only "no contact";
-- a bend below the noise: "no contact" below `MIN_SNR`, "not identifiable" below `SURE_SNR`;
+- a bend below the noise: "no contact" below `min_snr`, "not identifiable" below `sure_snr`;
 - a small visible part of the beam: "not identifiable";
 - a camera that looks along the plane in which the beam bends, eqs. (7), (8): "edge-on" or
   "not identifiable";
@@ -17,7 +17,7 @@ truth violates this assumption by more than the rig states, see `violations`; "i
 name is wrong, also where there is a second contact.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -29,23 +29,38 @@ from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.camera_frame import camera_frames_from_clamp
 from vbaa_bench.scoring.violations import violations
 
-# Signal-to-noise ratio: the tip's shift over the standard error of the mean of all columns, if one
-# column has a sigma of COLUMN_SIGMA_PX, as the paper's area-weighted average has. Below 5 a bend
-# cannot be detected; from 60 on the information limit of x_c is below a seventh of the beam.
-MIN_SNR: Final = 5.0
-SURE_SNR: Final = 60.0
+# Noise of a column [px], as the paper's area-weighted average has it.
 COLUMN_SIGMA_PX: Final = 0.05
-# With a visible fraction below this, the position of the hidden part is undetermined.
-MIN_VISIBLE: Final = 0.25
-# A line of sight this close to the deformation plane [deg] is edge-on.
-EDGE_ON_DEG: Final = 15.0
 
 
-def right_refusals(truth: Truth) -> pl.DataFrame:
-    """Compute for each frame_id the `snr` of its bend, `true_state`, `may_say` and `violated`.
+class Thresholds(NamedTuple):
+    """Where a frame is so hard that a refusal is right.
 
-    `may_say` lists the right refusals, `violated` the assumptions that do not hold. `true_state`
-    names the first reason for a refusal, in the order of `_STATES`, or "contact".
+    `min_snr` and `sure_snr` are signal-to-noise ratios: the tip's shift over the standard error of
+    the mean of all columns. Below 5 a bend cannot be detected; from 60 on the information limit of
+    x_c is below a seventh of the beam (measured). `min_visible` is a visible fraction of the beam,
+    and `edge_on_deg` the angle between line of sight and plane of bending: there eqs. (7), (8)
+    multiply the error of a point by 1 / sin(15 deg), about 4. Both are chosen, for methods like
+    those of the paper; the information limit allows much more: 0.05 % of L at 15 degrees, and
+    0.2 % at 5, where at 90 it is 0.02 (`limits`, knife edge, deflections of 2 to 10 %).
+    `python -m results.random` measures what the share of consistent frames owes to each of them.
+    """
+
+    min_snr: float = 5.0
+    sure_snr: float = 60.0
+    min_visible: float = 0.25
+    edge_on_deg: float = 15.0
+
+
+THRESHOLDS: Final = Thresholds()
+
+
+def right_refusals(truth: Truth, thresholds: Thresholds = THRESHOLDS) -> pl.DataFrame:
+    """Compute for each frame_id which refusals are right.
+
+    Columns: the `snr` of the bend; `true_state`, the first reason for a refusal in the order of
+    `_STATES`, or "contact"; `acceptable_outcomes`, the right refusals; and `violated`, the
+    assumptions that do not hold.
     """
     frames = truth.frames
     visible = _visible_fractions(frames)
@@ -57,10 +72,10 @@ def right_refusals(truth: Truth) -> pl.DataFrame:
         "no contact": ~touched,
         "two contacts": touched & frames["second_s_c_mm"].is_not_null().to_numpy(),
         "camera moved": touched & knocked,
-        "edge-on": touched & (_sights_against_plane_deg(truth) < EDGE_ON_DEG),
-        "hardly visible": touched & (visible < MIN_VISIBLE),
-        "bend below the noise": touched & (snr < MIN_SNR),
-        "weak bend": touched & (snr < SURE_SNR),
+        "edge-on": touched & (_sights_against_plane_deg(truth) < thresholds.edge_on_deg),
+        "hardly visible": touched & (visible < thresholds.min_visible),
+        "bend below the noise": touched & (snr < thresholds.min_snr),
+        "weak bend": touched & (snr < thresholds.sure_snr),
     }
     table = pl.DataFrame({"frame_id": frames["frame_id"], "snr": snr, **holds})
     allowed = pl.concat_list(
@@ -74,14 +89,14 @@ def right_refusals(truth: Truth) -> pl.DataFrame:
         "frame_id",
         "snr",
         true_state=states.fill_null("contact"),
-        may_say=allowed.list.drop_nulls(),
+        acceptable_outcomes=allowed.list.drop_nulls(),
     ).join(violations(truth), on="frame_id", maintain_order="left")
 
 
 def rightly_refused() -> pl.Expr:
     """Return the condition of a right refusal, from the columns of `right_refusals`."""
     named = pl.col("assumption").is_not_null()
-    by_outcome = pl.col("may_say").list.contains(pl.col("outcome"))
+    by_outcome = pl.col("acceptable_outcomes").list.contains(pl.col("outcome"))
     by_name = pl.col("violated").list.contains(pl.col("assumption")).fill_null(value=False)
     invalid = pl.col("outcome") == str(Outcome.INVALID)
     return by_name | (by_outcome & ~(named & invalid))

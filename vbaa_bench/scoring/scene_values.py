@@ -22,6 +22,12 @@ def scene_value(truth: Truth, key: str, default: Any = None) -> pl.Expr:
     return pl.lit(default if value is None else value)
 
 
+def first_light(truth: Truth) -> str:
+    """Return the kind of a scene's first light, as the scene states it."""
+    lights = truth.manifest["scene"].get("lights") or [{}]
+    return str(lights[0].get("kind", "area above"))
+
+
 def object_radius(truth: Truth) -> pl.Expr:
     """Return an expression of the radius [mm] of each frame's object: 0 of an edge, null of none.
 

@@ -1,4 +1,4 @@
-"""Score all predictions of a dataset."""
+"""Score all predictions of a dataset, or of a collection: the frames of all its rigs together."""
 
 import io
 import json
@@ -11,23 +11,27 @@ import polars as pl
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import read_bytes
 from solver.methods import METHODS
+from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.document import Document, check_document, read_json
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
 from vbaa_bench.dataset.tables import MAX_SCORED_VALUES, checked, read_parquet
+from vbaa_bench.scoring.bootstrap import share_interval
+from vbaa_bench.scoring.factors import factor_columns, factor_table, rig_factors
+from vbaa_bench.scoring.frame_scores import score_frames, true_frames
 from vbaa_bench.scoring.information import scored_limits
-from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.metrics import (
+from vbaa_bench.scoring.predictions import (
     checked_predictions,
     parsed,
     read_file,
-    score_frames,
-    true_frames,
+    unknown_columns,
 )
-from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score_columns import SCORE_SCHEMA
+from vbaa_bench.scoring.statistics import COLLECTION, compute
 from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import summarise
+from vbaa_bench.scoring.wrong_units import doubtful_units
 
 # Chosen: a CSV of more rows exceeds 100 MB, and no spreadsheet opens it.
 MAX_CSV_ROWS: Final = 50_000
@@ -70,11 +74,56 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
         _copy_predictions(results, name, path, contents[name])
     small = scores.height <= MAX_CSV_ROWS
     tables = {"scores.csv": scores} if small else {}
-    write_scores(results.scores, scores, parameters, summary, tables)
+    _write_scores(results.scores, scores, parameters, summary, tables)
     return summary
 
 
-def write_scores(
+def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]:
+    """Score the predictions of all rigs; write the tables of `score` and factors.csv.
+
+    `names` are those of methods, by default all that have predictions. Each row has the number of
+    its rig, and the values in which rigs and frames differ. Intervals are over rigs. Raises
+    InputError.
+    """
+    scored: list[pl.DataFrame] = []
+    for number, layout in CollectionLayout(root).rigs().items():
+        results, truth = Results(layout.root), open_truth(layout.truth, centrelines=False)
+        limits = scored_limits(layout)
+        columns = factor_columns(truth)
+        for name, path in found_predictions(results).items():
+            if names is None or name in names:
+                table = checked_predictions(parsed(read_file(path), path), str(path))
+                rows = score_frames(truth, table, name, str(path), limits)
+                rows = rows.join(columns, on="frame_id", how="left")
+                scored.append(rows.with_columns(rig=pl.lit(number), **rig_factors(truth)))
+    if not scored:
+        raise InputError(f"{root}: no rig has predictions; solve the collection first")
+    scores = pl.concat(scored, how="diagonal_relaxed")
+    parameters = strata_rows(scores, over=("rig",))
+    summary = {
+        **summarise(scores, parameters, over=("rig",)),
+        "rigs": scores["rig"].n_unique(),
+        "warnings": [],
+    }
+    for (name,), rows in scores.group_by("method", maintain_order=True):
+        summary["methods"][name] |= _over_rigs(rows)
+    tables = {"factors.csv": factor_table(scores)}
+    _write_scores(Results(root).scores, scores, parameters, summary, tables)
+    return summary
+
+
+def _over_rigs(rows: pl.DataFrame) -> dict[str, Any]:
+    """Compute figures that count rigs: the interval of the consistent share, and `COLLECTION`."""
+    rigs = rows.group_by("rig", maintain_order=True).agg(pl.col("consistent").sum(), cases=pl.len())
+    counts = rigs.select(pl.col("consistent", "cases").cast(pl.Float64))
+    ends = share_interval(counts["consistent"].to_numpy(), counts["cases"].to_numpy())
+    return {
+        "consistent_rate_95": None if ends is None else list(ends),
+        **compute(COLLECTION, rows),
+    }
+
+
+def _write_scores(
     folder: Path,
     scores: pl.DataFrame,
     parameters: Sequence[Mapping[str, Any]],

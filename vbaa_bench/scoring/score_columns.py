@@ -9,6 +9,7 @@ from vbaa_bench.dataset.dataset_columns import JOINED, TRUTH
 from vbaa_bench.dataset.tables import schema_of
 from vbaa_bench.scoring.computed_scores import COMPUTED, FAILED, VECTOR_ERRORS
 from vbaa_bench.scoring.conditions import CONDITIONS, FACTOR_PREFIX, STRATA
+from vbaa_bench.scoring.information_sets import SETS
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
     LIMITED,
@@ -30,6 +31,7 @@ _NOT_ESTIMATED: Final = "the method does not estimate it in this frame"
 _SIMPLE: Final = "with the simple model"
 _HOLDS: Final = "the limits were not computed, or the simple model holds"
 _QUANTITIES: Final = (*SCORED_QUANTITIES, *COMPONENTS)
+_SETS: Final = f"{', '.join([*SETS][:-1])} or {[*SETS][-1]}"
 
 # Quantities that are not in the truth under the same name.
 _ESTIMATES: Final = {
@@ -141,7 +143,7 @@ def _limits() -> dict[str, Column]:
     columns = {
         "frame_id": JOINED["frame_id"],
         "information": Column(
-            "information set: planar, learned, image, moment, force or push",
+            f"information set: {_SETS}",
             kind=Kind.TEXT,
             presence=Presence.COMPLETE,
         ),
@@ -193,7 +195,7 @@ SCORES: Final = {
         for name, meaning in STRATA.items()
     },
     "information": Column(
-        "information set of the limits: planar, learned, image, moment, force or push",
+        f"information set of the limits: {_SETS}",
         kind=Kind.TEXT,
         presence=Presence.COMPLETE,
     ),

@@ -17,11 +17,13 @@ class ScoredQuantity:
     of the object's radius.
 
     Names of its columns in the scores end with `unit`, if it has one: `<name>_error_<unit>`.
+    `words` name it in sentences.
     """
 
     name: str
     unit: str
     true: pl.Expr
+    words: str = ""
 
     @property
     def column(self) -> str:
@@ -63,9 +65,12 @@ COVERAGE: Final = {"coverage_68": 1.0, "coverage_95": 1.96}
 # by one Gaussian error in 370.
 CONSISTENT_SIGMAS: Final = 3.0
 
-COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", TRUE_COMPLIANCE)
-SECOND_S_C: Final = ScoredQuantity("second_s_c", "mm", pl.col("second_s_c_mm"))
-X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"))
+COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", TRUE_COMPLIANCE, "the compliance")
+SECOND_S_C: Final = ScoredQuantity(
+    "second_s_c", "mm", pl.col("second_s_c_mm"), "the second contact's arc length"
+)
+PSI: Final = ScoredQuantity("psi", "deg", pl.col("psi_deg"), "the inclination psi")
+X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"), "the contact distance")
 # The motor turns by minus the pushing angle from first contact on.
 _ONSET = pl.when(HAS_CONTACT).then(pl.col("true_motor_angle_deg") + pl.col("pushing_angle_deg"))
 # A column without any contact has no type.
@@ -82,11 +87,11 @@ _SECOND_SIZE = pl.sum_horizontal(_SECOND_SQUARES, ignore_nulls=False).sqrt()
 # Quantities that may have an information limit.
 LIMITED: Final = (
     X_C,
-    ScoredQuantity("s_c", "mm", pl.col("s_c_mm")),
-    ScoredQuantity("force", "n", pl.col("force_n")),
-    ScoredQuantity("psi", "deg", pl.col("psi_deg")),
+    ScoredQuantity("s_c", "mm", pl.col("s_c_mm"), "the contact arc length"),
+    ScoredQuantity("force", "n", pl.col("force_n"), "the force"),
+    PSI,
     SECOND_S_C,
-    ScoredQuantity("second_force", "n", _SECOND_SIZE),
+    ScoredQuantity("second_force", "n", _SECOND_SIZE, "the second force"),
     COMPLIANCE,
 )
 SCORED_QUANTITIES: Final = (

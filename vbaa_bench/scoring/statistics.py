@@ -6,7 +6,7 @@ Tables of errors, summaries, reports and comparisons follow from the declaration
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,11 +16,13 @@ from scipy.special import ndtr
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from vbaa_bench.scoring.computed_scores import COMPUTED
-from vbaa_bench.scoring.refusals import SURE_SNR
+from vbaa_bench.scoring.refusals import THRESHOLDS
 from vbaa_bench.scoring.scored_quantities import (
+    COMPLIANCE,
     CONSISTENT_SIGMAS,
     COVERAGE,
     LIMITED,
+    PSI,
     SECOND_S_C,
     X_C,
     ScoredQuantity,
@@ -61,6 +63,25 @@ MEDIAN: Final = Reduction(lambda values: float(np.quantile(values, 0.5)), pl.Exp
 P05: Final = _percentile(0.05)
 P95: Final = _percentile(0.95)
 LARGEST: Final = Reduction(lambda values: float(np.max(values)), pl.Expr.max)
+# Of errors over information limits: the share of the information that is used.
+INFORMATION_USED: Final = Reduction(
+    lambda values: 1 / RMS.of(values) ** 2, lambda column: 1 / RMS.expression(column) ** 2
+)
+
+
+class Heading(NamedTuple):
+    """Short headings of a figure's column, each worded for its neighbours; "" where not shown.
+
+    `table` is of `vbaa-bench table`, `report` of the report's tables, `scores` of the table in the
+    terminal after scoring.
+    """
+
+    table: str = ""
+    report: str = ""
+    scores: str = ""
+
+
+_NONE: Final = Heading()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +90,7 @@ class Statistic:
 
     Only frames that meet `where` count. The value is null if no frame counts, and unless the frames
     together meet `defined`. It is divided by the statistic `over`, and null if that is zero.
-    `null` says in the data dictionary when it is null.
+    `in_percent` multiplies it by 100. `null` says in the data dictionary when it is null.
     """
 
     meaning: str
@@ -78,7 +99,9 @@ class Statistic:
     where: pl.Expr | None = None
     defined: pl.Expr | None = None
     over: "Statistic | None" = None
+    in_percent: bool = False
     null: str = ""
+    heading: Heading = _NONE
 
     def of(self, rows: pl.DataFrame) -> float | None:
         """Compute the statistic of rows of the scores."""
@@ -97,6 +120,8 @@ class Statistic:
         if self.over is not None:
             divisor = self.over.expression
             value /= pl.when(divisor != 0).then(divisor)
+        if self.in_percent:
+            value *= 100
         return value if self.defined is None else pl.when(self.defined).then(value)
 
 
@@ -112,13 +137,15 @@ def compute(statistics: Mapping[str, Statistic], rows: pl.DataFrame) -> dict[str
     values: dict[str, float | None] = {}
     for name, one in of_all.items():
         numbers = found[name].item().to_numpy()
-        value = one.reduction.of(numbers) if len(numbers) else one.reduction.empty
+        value = one.reduction.empty
         if f"{name} defined" in defined and not found[f"{name} defined"].item():
             value = None
+        elif len(numbers):
+            value = one.reduction.of(numbers)
         if f"{name} over" in divisors and value is not None:
             divisor = values[f"{name} over"]
             value = value / divisor if divisor else None
-        values[name] = value
+        values[name] = 100 * value if one.in_percent and value is not None else value
     return {name: values[name] for name in statistics}
 
 
@@ -202,6 +229,26 @@ _SECOND_STATED: Final = pl.col(SECOND_S_C.column).is_not_null()
 _SECOND_TRUE: Final = pl.col(SECOND_S_C.truth).is_not_null()
 _RIGID: Final = _TOUCHED & pl.col("k_s_n_m").is_null()
 
+# Shares above 100 % by more than this many sigmas of chance are not stated. Chosen.
+_CHANCE_SIGMAS: Final = 3.0
+
+
+def information_used(in_limits: pl.Expr) -> Statistic:
+    """Return the share of the information that a method uses, from errors over limits.
+
+    It is undefined where the errors are smaller than the limits by more than chance explains. The
+    limit is then that of other data or of a worse rig, as where the rig states a wider range of
+    beams than that from which this one is; a share of it has no meaning.
+    """
+    # The relative standard deviation of a sum of n squares of Gaussian errors.
+    least = 1 - _CHANCE_SIGMAS * (2 / in_limits.count()).sqrt()
+    possible = RMS.expression(in_limits) ** 2 > pl.max_horizontal(least, 0)
+    meaning = "share of the information in its data that the method uses"
+    return Statistic(meaning, INFORMATION_USED, in_limits, defined=possible)
+
+
+_EFFICIENCY: Final = information_used(pl.col(X_C.error) / pl.col(X_C.limit))
+
 # A method that estimates x_c without any sigma is neither consistent nor inconsistent.
 MAY_BE_CONSISTENT: Final = (
     pl.col(X_C.error).is_null().all()
@@ -209,21 +256,40 @@ MAY_BE_CONSISTENT: Final = (
 )
 
 
-def _rms(column: str, meaning: str, where: pl.Expr | None = None) -> Statistic:
-    return Statistic(f"root mean square {meaning}", RMS, pl.col(column), where)
+def _rms(
+    column: str, meaning: str, where: pl.Expr | None = None, heading: Heading = _NONE
+) -> Statistic:
+    meaning = f"root mean square {meaning}"
+    return Statistic(meaning, RMS, pl.col(column), where, heading=heading)
 
 
-def _median(column: str, meaning: str) -> Statistic:
-    return Statistic(f"median absolute {meaning}", MEDIAN, pl.col(column).abs())
+def _median(column: str, meaning: str, heading: Heading = _NONE) -> Statistic:
+    return Statistic(f"median absolute {meaning}", MEDIAN, pl.col(column).abs(), heading=heading)
 
 
-# Computed scores with a heading, by the name of the figure that tables and reports show.
-_HEADED: Final = {
-    name.replace("_error", "_rmse"): name for name, score in COMPUTED.items() if score.heading
+# Figures over information limits with a heading.
+_OVER_LIMIT: Final = {
+    "x_c_bias_over_limit": Heading("x_c bias / bound"),
+    "x_c_rmse_over_limit": Heading("x_c RMSE / bound", report="RMSE over limit"),
+    "force_rmse_over_limit": Heading("force RMSE / bound"),
+    "psi_rmse_over_limit": Heading("psi RMSE / bound"),
+    "compliance_rmse_over_limit": Heading("1/k RMSE / bound"),
+}
+# RMSEs of the computed scores that have a heading.
+ADDED: Final = {
+    name.replace("_error", "_rmse"): _rms(
+        name, score.column.meaning, heading=Heading(score.heading, report=score.heading)
+    )
+    for name, score in COMPUTED.items()
+    if score.heading
 }
 # The figures of a method in the summary, of all its frames.
 SUMMARY: Final = {
-    "x_c_rmse_pct_L": _rms("x_c_error_pct_L", "error of the contact distance"),
+    "x_c_rmse_pct_L": _rms(
+        "x_c_error_pct_L",
+        "error of the contact distance",
+        heading=Heading("x_c RMSE, % of L", report="RMSE", scores="x_c RMSE, % of L"),
+    ),
     # Null for a method that estimates only forces.
     "x_c_rmse_all_pct_L": Statistic(
         "the same RMSE; a failure counts as an error of L/2",
@@ -231,16 +297,36 @@ SUMMARY: Final = {
         _X_C_PCT.fill_null(_FAILURE_ERROR_PCT_L),
         where=_TOUCHED & ~pl.col("rightly_refused"),
         defined=_X_C_PCT.is_not_null().any() | pl.col("force_error_n").is_null().all(),
+        heading=Heading("failures as L/2", "RMSE, failures as L/2", "failures as L/2"),
     ),
-    "x_c_median_abs_pct_L": _median("x_c_error_pct_L", "error of the contact distance"),
-    "x_c_p95_abs_pct_L": Statistic("95th percentile of this error", P95, _X_C_PCT.abs()),
+    "x_c_median_abs_pct_L": _median(
+        "x_c_error_pct_L",
+        "error of the contact distance",
+        Heading("median", "median |error| of x_c, % of L", "x_c median |e|, % of L"),
+    ),
+    "x_c_p95_abs_pct_L": Statistic(
+        "95th percentile of this error",
+        P95,
+        _X_C_PCT.abs(),
+        heading=Heading(report="95th percentile"),
+    ),
     "s_c_rmse_pct_L": _rms("s_c_error_pct_L", "error of the contact arc length"),
-    "force_rmse_pct": _rms("force_error_pct", "error of the force, relative to its true value"),
+    "force_rmse_pct": _rms(
+        "force_error_pct",
+        "error of the force, relative to its true value",
+        heading=Heading("force, %", "force RMSE, %", "force RMSE, %"),
+    ),
     "force_median_abs_pct": _median("force_error_pct", "error of the force"),
     "f_rmse_pct": _rms("f_error_pct", "error of the force's component in plane D"),
     "theta_c_rmse_deg": _rms("theta_c_error_deg", "error of the slope at the contact"),
-    "second_s_c_rmse_pct_L": _rms("second_s_c_error_pct_L", "error of the second arc length"),
-    "second_force_rmse_pct": _rms("second_force_error_pct", "error of the second force"),
+    "second_s_c_rmse_pct_L": _rms(
+        "second_s_c_error_pct_L",
+        "error of the second arc length",
+        heading=Heading("second s_c RMSE, % of L"),
+    ),
+    "second_force_rmse_pct": _rms(
+        "second_force_error_pct", "error of the second force", heading=Heading("second force, %")
+    ),
     # Both are null for a method that never states a second contact.
     "second_detection_rate": Statistic(
         "share of the frames with two contacts in which the second one is stated",
@@ -256,15 +342,24 @@ SUMMARY: Final = {
         where=~_SECOND_TRUE,
         defined=_SECOND_STATED.any(),
     ),
-    "psi_rmse_deg": _rms("psi_error_deg", "error of the plane of bending"),
+    "psi_rmse_deg": _rms(
+        "psi_error_deg",
+        "error of the plane of bending",
+        heading=Heading("psi, deg", report="psi RMSE, deg"),
+    ),
     "psi_median_abs_deg": _median("psi_error_deg", "error of the plane of bending"),
     "motor_angle_rmse_deg": _rms("motor_angle_error_deg", "error of the motor angle"),
     "compliance_rmse_pct": _rms(
-        "compliance_error_pct", "error of 1/k_s, relative to its true value"
+        "compliance_error_pct",
+        "error of 1/k_s, relative to its true value",
+        heading=Heading(report="1/k_s RMSE, %"),
     ),
     "compliance_median_abs_pct": _median("compliance_error_pct", "error of 1/k_s"),
     "compliance_last_rmse_pct": _rms(
-        "compliance_error_pct", "error of 1/k_s at the end of a push", pl.col("last_step")
+        "compliance_error_pct",
+        "error of 1/k_s at the end of a push",
+        pl.col("last_step"),
+        Heading("1/k at end of push, %"),
     ),
     "compliance_rigid_rmse_mm_per_n": _rms(
         "compliance_error_mm_per_n", "error of 1/k_s of rigid objects", _RIGID
@@ -273,6 +368,7 @@ SUMMARY: Final = {
         "compliance_error_mm_per_n",
         "error of 1/k_s of rigid objects at the end of a push",
         _RIGID & pl.col("last_step"),
+        Heading("1/k at end, rigid, mm/N"),
     ),
     "contact_antenna_rmse_mm": _rms(
         "contact_antenna_vector_error_mm", "error of the contact in Sigma_a"
@@ -282,14 +378,16 @@ SUMMARY: Final = {
     ),
     "force_vector_rmse_n": _rms("force_vector_error_n", "error of the force as a vector"),
     **{
-        f"{quantity.name}_{name}": error_statistics(quantity)[name]
+        figure: replace(error_statistics(quantity)[name], heading=_OVER_LIMIT.get(figure, _NONE))
         for quantity in LIMITED
         for name in ("bias_over_limit", "rmse_over_limit")
+        for figure in [f"{quantity.name}_{name}"]
     },
     "failure_rate": Statistic(
         "share of frames without the required values, or with a wrong outcome",
         MEAN,
         pl.col("failed"),
+        heading=Heading(scores="failed, %"),
     ),
     "refused_rate": Statistic("share of frames refused", MEAN, pl.col("refused")),
     "rightly_refused_rate": Statistic(
@@ -310,23 +408,58 @@ SUMMARY: Final = {
     ),
     "free_frames": Statistic("frames without contact", COUNT, _FRAME, where=pl.col("free")),
     "detection_rate": Statistic(
-        f"share of the contacts with an SNR of {SURE_SNR:g} or more that are stated",
+        f"share of the contacts with an SNR of {THRESHOLDS.sure_snr:g} or more that are stated",
         MEAN,
         _ANSWERS,
-        where=_TOUCHED & (pl.col("snr") >= SURE_SNR),
+        where=_TOUCHED & (pl.col("snr") >= THRESHOLDS.sure_snr),
     ),
     "ms_per_frame_median": Statistic(
-        "median time from the image in memory to the estimate", MEDIAN, _TIME
+        "median time from the image in memory to the estimate",
+        MEDIAN,
+        _TIME,
+        heading=Heading("ms", "ms per frame", "ms / frame"),
     ),
     "ms_per_frame_p05": TIMES["ms_p05"],
     "ms_per_frame_p95": TIMES["ms_p95"],
-    "n": Statistic("frames", COUNT, _FRAME),
-    **{figure: _rms(name, COMPUTED[name].column.meaning) for figure, name in _HEADED.items()},
+    "n": Statistic("frames", COUNT, _FRAME, heading=Heading(scores="n")),
+    **ADDED,
 }
-# Headings of the figures of these scores.
-HEADINGS: Final = {figure: COMPUTED[name].heading for figure, name in _HEADED.items()}
 
-# The figures of a method in the report, by the names of `MethodStatistics`.
+
+def _in_percent(one: Statistic, heading: str) -> Statistic:
+    return replace(one, in_percent=True, heading=Heading(heading))
+
+
+def _stated(quantity: ScoredQuantity, figure: str) -> Statistic:
+    return error_statistics(quantity)[figure]
+
+
+# Further figures of a method in the table of accuracy.
+TABLE: Final = {
+    "x_c_within_3_sigma_pct": _in_percent(_stated(X_C, "within_3_sigma"), "x_c in 3 sigma, %"),
+    "psi_within_3_sigma_pct": _in_percent(_stated(PSI, "within_3_sigma"), "psi in 3 sigma, %"),
+    "compliance_last_within_3_sigma_pct": _in_percent(
+        replace(_stated(COMPLIANCE, "within_3_sigma"), where=pl.col("last_step")),
+        "1/k at end in 3 sigma, %",
+    ),
+    "second_s_c_within_3_sigma_pct": _in_percent(
+        _stated(SECOND_S_C, "within_3_sigma"), "second s_c in 3 sigma, %"
+    ),
+    "x_c_sigma_over_rmse": replace(
+        _stated(X_C, "sigma_over_rmse"), heading=Heading("sigma / RMSE")
+    ),
+    "second_s_c_sigma_over_rmse": replace(
+        _stated(SECOND_S_C, "sigma_over_rmse"), heading=Heading("second sigma / RMSE")
+    ),
+    "x_c_coverage_95_pct": _in_percent(_stated(X_C, "coverage_95"), "x_c in 1.96 sigma, %"),
+    "x_c_efficiency_pct": _in_percent(_EFFICIENCY, "information used, %"),
+    "second_answered_pct": _in_percent(SUMMARY["second_detection_rate"], "second answered, %"),
+    "second_false_pct": _in_percent(SUMMARY["false_second_rate"], "second false, %"),
+    "consistent_pct": _in_percent(SUMMARY["consistent_rate"], "consistent, %"),
+}
+
+# The figures of a method in the sentences and charts of the report, by the names of
+# `MethodStatistics`.
 REPORTED: Final = {
     "frames": SUMMARY["n"],
     "contacts": Statistic("frames with contact", COUNT, _FRAME, where=_TOUCHED),
@@ -344,34 +477,64 @@ REPORTED: Final = {
         "free frames with an estimate", COUNT, _FRAME, where=pl.col("free") & _ANSWERS
     ),
     "median": SUMMARY["x_c_median_abs_pct_L"],
-    "p95": SUMMARY["x_c_p95_abs_pct_L"],
-    "worst": Statistic("largest absolute error of x_c", LARGEST, _X_C_PCT.abs()),
+    "force_rmse": SUMMARY["force_rmse_pct"],
+    "coverage_95": error_statistics(X_C)["coverage_95"],
+    "efficiency": _EFFICIENCY,
+    "ms": SUMMARY["ms_per_frame_median"],
+}
+# The figures of the report's table of scores, in the order of its columns.
+REPORT_TABLE: Final = {
+    "median": SUMMARY["x_c_median_abs_pct_L"],
+    "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT, heading=Heading(report="bias")),
     "rmse": SUMMARY["x_c_rmse_pct_L"],
-    "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT),
+    "p95": SUMMARY["x_c_p95_abs_pct_L"],
+    "worst": Statistic(
+        "largest absolute error of x_c",
+        LARGEST,
+        _X_C_PCT.abs(),
+        heading=Heading(report="worst frame"),
+    ),
     "rmse_all": SUMMARY["x_c_rmse_all_pct_L"],
+    "rmse_over_limit": SUMMARY["x_c_rmse_over_limit"],
     "force_rmse": SUMMARY["force_rmse_pct"],
     "psi_rmse": SUMMARY["psi_rmse_deg"],
     "compliance_rmse": SUMMARY["compliance_rmse_pct"],
-    "coverage_95": error_statistics(X_C)["coverage_95"],
     "ms": SUMMARY["ms_per_frame_median"],
-    "matched": Statistic(
-        "frames with an error and a limit of x_c", COUNT, pl.col(X_C.error) / pl.col(X_C.limit)
-    ),
-    "rmse_over_limit": SUMMARY["x_c_rmse_over_limit"],
+    **ADDED,
 }
 
 # The figures of a group of frames in factors.csv.
 _UNANSWERED: Final = "no frame is answered"
 FACTOR: Final = {
-    "frames": Statistic("number of frames in the group", COUNT, _FRAME),
+    "frames": Statistic(
+        "number of frames in the group", COUNT, _FRAME, heading=Heading(report="frames")
+    ),
     "answered_pct": Statistic(
-        "share of the frames with a contact and values", MEAN, 100 * _ANSWERS
+        "share of the frames with a contact and values",
+        MEAN,
+        100 * _ANSWERS,
+        heading=Heading(report="answered, %"),
     ),
     "median_pct_L": Statistic(
-        "median of the absolute error of x_c", MEDIAN, _X_C_PCT.abs(), null=_UNANSWERED
+        "median of the absolute error of x_c",
+        MEDIAN,
+        _X_C_PCT.abs(),
+        null=_UNANSWERED,
+        heading=Heading(report="median |error|, % of L"),
     ),
-    "rmse_pct_L": Statistic("root mean square error of x_c", RMS, _X_C_PCT, null=_UNANSWERED),
-    "consistent_pct": Statistic("share of the consistent frames", MEAN, 100 * pl.col("consistent")),
+    "rmse_pct_L": Statistic(
+        "root mean square error of x_c",
+        RMS,
+        _X_C_PCT,
+        null=_UNANSWERED,
+        heading=Heading(report="RMSE, % of L"),
+    ),
+    "consistent_pct": Statistic(
+        "share of the consistent frames",
+        MEAN,
+        100 * pl.col("consistent"),
+        heading=Heading(report="consistent, %"),
+    ),
 }
 
 # SNR above which a contact should be found. From the requirement on collections.

@@ -18,7 +18,7 @@ from polars import selectors
 
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.conditions import FACTOR_PREFIX
-from vbaa_bench.scoring.scene_values import scene_value
+from vbaa_bench.scoring.scene_values import first_light, scene_value
 
 # Name of the stratum that contains all frames.
 ALL: Final = "all"
@@ -277,8 +277,7 @@ def _if(condition: pl.Expr, label: pl.Expr) -> pl.Expr:
 
 
 def _light(truth: Truth) -> pl.Expr:
-    lights = truth.manifest["scene"].get("lights") or [{}]
-    fixed = lights[0].get("kind", "area above")
+    fixed = first_light(truth)
     if "drawn.lights.0.kind" in truth.frames.columns:
         return pl.col("drawn.lights.0.kind").fill_null(fixed)
     return pl.lit(fixed)

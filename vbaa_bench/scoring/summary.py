@@ -10,7 +10,7 @@ import polars as pl
 
 from vbaa_bench.dataset.program import versions
 from vbaa_bench.scoring.bootstrap import group_numbers, median_interval
-from vbaa_bench.scoring.efficiency import efficiency
+from vbaa_bench.scoring.information import efficiency
 from vbaa_bench.scoring.scored_quantities import (
     COMPLIANCE,
     COMPONENTS,
@@ -51,7 +51,7 @@ def _parameters(rows: pl.DataFrame, parameters: Sequence[dict[str, Any]]) -> dic
     heads = ("method", "stratum", "value", "quantity")
     (information, *others) = rows["information"].unique(maintain_order=True)
     used = {
-        quantity.column: efficiency(information, overall[quantity.column])
+        quantity.column: efficiency(information, quantity, overall[quantity.column])
         for quantity in LIMITED
         # Frames of different information sets have no share in common.
         if quantity.column in overall and not others

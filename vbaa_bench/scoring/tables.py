@@ -3,44 +3,43 @@
 import csv
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, Final, NamedTuple
 
-from vbaa_bench.scoring.markdown_table import markdown_table
-from vbaa_bench.scoring.statistics import HEADINGS
+from vbaa_bench.scoring.statistics import ADDED, SUMMARY, TABLE
 
 Row = dict[str, Any]
 
-# Headings of the table, and the keys of their numbers in a row.
-_COLUMNS: Final = {
-    "x_c RMSE, % of L": "x_c_rmse_pct_L",
-    "failures as L/2": "x_c_rmse_all_pct_L",
-    "median": "x_c_median_abs_pct_L",
-    "force, %": "force_rmse_pct",
-    "psi, deg": "psi_rmse_deg",
-    "psi in 3 sigma, %": "psi_within_3_sigma_pct",
-    "1/k at end of push, %": "compliance_last_rmse_pct",
-    "1/k at end, rigid, mm/N": "compliance_rigid_last_rmse_mm_per_n",
-    "1/k at end in 3 sigma, %": "compliance_last_within_3_sigma_pct",
-    "x_c in 3 sigma, %": "x_c_within_3_sigma_pct",
-    "sigma / RMSE": "x_c_sigma_over_rmse",
-    "second s_c RMSE, % of L": "second_s_c_rmse_pct_L",
-    "second force, %": "second_force_rmse_pct",
-    "second s_c in 3 sigma, %": "second_s_c_within_3_sigma_pct",
-    "second sigma / RMSE": "second_s_c_sigma_over_rmse",
-    "second answered, %": "second_answered_pct",
-    "second false, %": "second_false_pct",
-    "consistent, %": "consistent_pct",
-    "x_c in 1.96 sigma, %": "x_c_coverage_95_pct",
-    "x_c bias / bound": "x_c_bias_over_limit",
-    "x_c RMSE / bound": "x_c_rmse_over_limit",
-    "force RMSE / bound": "force_rmse_over_limit",
-    "psi RMSE / bound": "psi_rmse_over_limit",
-    "1/k RMSE / bound": "compliance_rmse_over_limit",
-    "information used, %": "x_c_efficiency_pct",
-    "ms": "ms_per_frame_median",
-    **{heading: name for name, heading in HEADINGS.items()},
-}
+# Figures of the table, in the order of their columns.
+_COLUMNS: Final = (
+    "x_c_rmse_pct_L",
+    "x_c_rmse_all_pct_L",
+    "x_c_median_abs_pct_L",
+    "force_rmse_pct",
+    "psi_rmse_deg",
+    "psi_within_3_sigma_pct",
+    "compliance_last_rmse_pct",
+    "compliance_rigid_last_rmse_mm_per_n",
+    "compliance_last_within_3_sigma_pct",
+    "x_c_within_3_sigma_pct",
+    "x_c_sigma_over_rmse",
+    "second_s_c_rmse_pct_L",
+    "second_force_rmse_pct",
+    "second_s_c_within_3_sigma_pct",
+    "second_s_c_sigma_over_rmse",
+    "second_answered_pct",
+    "second_false_pct",
+    "consistent_pct",
+    "x_c_coverage_95_pct",
+    "x_c_bias_over_limit",
+    "x_c_rmse_over_limit",
+    "force_rmse_over_limit",
+    "psi_rmse_over_limit",
+    "compliance_rmse_over_limit",
+    "x_c_efficiency_pct",
+    "ms_per_frame_median",
+    *ADDED,
+)
 # Those of a brief table.
 _BRIEF: Final = (
     "x_c_median_abs_pct_L",
@@ -80,6 +79,16 @@ def markdown(rows: Sequence[Row], by: str | None = None, *, brief: bool = False)
     text = markdown_table(table.heads, table.lines, {*range(table.texts), last})
     notes = [f"- `{scene}`: {sentence}" for scene, sentence in _remarks(rows).items()]
     return "\n".join([text, "", *notes]) if notes else text
+
+
+def markdown_table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], texts: Collection[int] = (0,)
+) -> str:
+    """Format rows of cells below their heads; the columns `texts` are to the left, others right."""
+    rule = ["---" if i in texts else "---:" for i in range(len(heads))]
+    escaped = ([cell.replace("|", "\\|") for cell in line] for line in (heads, *rows))
+    first, *others = (f"| {' | '.join(line)} |" for line in escaped)
+    return "\n".join([first, f"| {' | '.join(rule)} |", *others])
 
 
 def latex(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:
@@ -122,18 +131,19 @@ FORMATS: Final[dict[str, Callable[..., str]]] = {
 
 
 def _cells(rows: Sequence[Row], by: str | None, brief: bool) -> _Cells:
-    columns = {
-        head: key
-        for head, key in _COLUMNS.items()
+    columns = [
+        key
+        for key in _COLUMNS
         if any(row[key] is not None for row in rows) and (key in _BRIEF or not brief)
-    }
+    ]
+    heads = [(SUMMARY | TABLE)[key].heading.table for key in columns]
     texts = ["scene", *([] if by is None else [by]), "method"]
     lines = []
     for row in rows:
         labels = ["–" if row[key] is None else f"{row[key]}" for key in texts]
-        numbers = ["–" if row[key] is None else f"{row[key]:.3g}" for key in columns.values()]
+        numbers = ["–" if row[key] is None else f"{row[key]:.3g}" for key in columns]
         lines.append([*labels, *numbers, str(row["n"]), _outcomes(row)])
-    return _Cells([*texts, *columns, "n", "outcomes"], len(texts), lines)
+    return _Cells([*texts, *heads, "n", "outcomes"], len(texts), lines)
 
 
 def _outcomes(row: Row) -> str:

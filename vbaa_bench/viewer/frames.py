@@ -16,9 +16,9 @@ from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.frame_index import FrameIndex, index_frames
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_manifest, read_rows
-from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.metrics import read_predictions
 from vbaa_bench.scoring.overlay import Overlay, overlay_of
+from vbaa_bench.scoring.predictions import read_predictions
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import found_predictions
 
 Row = Mapping[str, Any]

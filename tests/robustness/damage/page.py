@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from tests.robustness.damage.readers import READERS
 from tests.robustness.damage.trials import CRASHED, OUTCOMES, SILENT, Trial
-from vbaa_bench.scoring.markdown_table import markdown_table
+from vbaa_bench.scoring.tables import markdown_table
 
 Row = dict[str, Any]
 

@@ -15,8 +15,8 @@ from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.report.report import report
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import antenna_of
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import FILES, found_predictions, score
 
 

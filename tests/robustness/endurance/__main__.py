@@ -16,7 +16,7 @@ from tests.robustness.endurance.kills import VICTIMS, kill_runs
 from tests.robustness.endurance.long_run import long_run, many_rigs
 from vbaa_bench.cli.options import AsJson
 from vbaa_bench.report.console import print_result, progress_bars
-from vbaa_bench.scoring.markdown_table import markdown_table
+from vbaa_bench.scoring.tables import markdown_table
 
 app = typer.Typer(
     no_args_is_help=True, help="Disturb long runs of `generate`, and compare what they complete."

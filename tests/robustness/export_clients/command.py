@@ -17,7 +17,7 @@ from vbaa_bench.exports.columns import SHARD
 from vbaa_bench.exports.croissant import write_croissant
 from vbaa_bench.exports.export import export
 from vbaa_bench.exports.source import Source, open_source
-from vbaa_bench.scoring.markdown_table import markdown_table
+from vbaa_bench.scoring.tables import markdown_table
 
 # Client -> its environment.
 _ENVIRONMENTS: Final = {

@@ -17,7 +17,7 @@ from solver.instrument.errors import InputError
 from tests.robustness.fuzz.case import ALLOWED, FINDINGS, OUTCOMES, Case, Result
 from tests.robustness.fuzz.kinds import KINDS
 from tests.robustness.fuzz.pool import run_all
-from vbaa_bench.scoring.markdown_table import markdown_table
+from vbaa_bench.scoring.tables import markdown_table
 
 # Called with a kind, and the number of its finished cases.
 Progress = Callable[[str, int], None]

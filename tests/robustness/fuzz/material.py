@@ -11,10 +11,9 @@ from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.scored_run import read_run
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.child import solve
-from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.score import found_predictions, score
-from vbaa_bench.scoring.scored_collection import score_rigs
+from vbaa_bench.scoring.isolation.runs import solve
+from vbaa_bench.scoring.results_layout import Results
+from vbaa_bench.scoring.score import found_predictions, score, score_rigs
 from vbaa_bench.workers.resources import cores
 
 # A strip of an image, and few frames: a case copies and reads all of it.

@@ -16,14 +16,12 @@ from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.comparison import compare as compare_runs
 from vbaa_bench.regression.comparison import pairs_of
 from vbaa_bench.regression.scored_run import read_run
-from vbaa_bench.report.collection_report import collection_report
 from vbaa_bench.report.console import show_scores
 from vbaa_bench.report.report import report as write_report
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score as write_scores
-from vbaa_bench.scoring.score import with_own
-from vbaa_bench.scoring.scored_collection import score_rigs
+from vbaa_bench.scoring.score import score_rigs, with_own
 from vbaa_bench.scoring.tables import FORMATS
 
 
@@ -45,10 +43,7 @@ def score(root: Path, *predictions: Path) -> None:
 
 def report(root: Path, baseline: Path | None = None) -> None:
     """Write the report of a scored dataset or collection."""
-    if is_collection(root):
-        collection_report(root, baseline)
-    else:
-        write_report(Results(root), baseline)
+    write_report(Results(root), baseline)
 
 
 def table(root: Path, by: str | None = None, name: str = "markdown") -> None:

@@ -17,7 +17,7 @@ from solver.instrument.rig_json import read_rig
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.learning.learn import LearnedBeam
 from solver.learning.page import widths_of
-from vbaa_bench.scoring.applicable import applicable
+from vbaa_bench.scoring.isolation.runs import applicable
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:

@@ -15,9 +15,9 @@ from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.benchmarks import check_method as module
 from vbaa_bench.benchmarks.check_method import FRAMES, Finding, check_method, compare
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.child import MethodRun
-from vbaa_bench.scoring.estimate_faults import estimate_faults
-from vbaa_bench.scoring.metrics import checked_predictions
+from vbaa_bench.scoring.isolation.runs import MethodRun
+from vbaa_bench.scoring.isolation.worker import estimate_faults
+from vbaa_bench.scoring.predictions import checked_predictions
 
 PLACES = (60.0, 90.0, 110.0, 150.0, 180.0, 210.0)
 RUN = MethodRun(Path("first.csv"), len(PLACES), 0, "")

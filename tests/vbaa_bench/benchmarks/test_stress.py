@@ -22,7 +22,6 @@ from solver.instrument.transforms import apply, camera_looking_at, invert, rigid
 from tests.draws import generator
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.stress import command, geometry, gray, rig_results, stated, video
-from vbaa_bench.benchmarks.stress import run as run_module
 from vbaa_bench.benchmarks.stress.figures import Figure, figures, missed
 from vbaa_bench.benchmarks.stress.recording import (
     NotApplicableError,
@@ -40,7 +39,7 @@ from vbaa_bench.benchmarks.stress.rig_results import (
 )
 from vbaa_bench.benchmarks.stress.rigs import drawn_rig
 from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Targets
-from vbaa_bench.benchmarks.stress.run import lines
+from vbaa_bench.benchmarks.stress.table import lines
 from vbaa_bench.render import variant
 from vbaa_bench.scene.load import load_scene
 
@@ -456,7 +455,7 @@ def test_the_command_prints_and_writes_the_table(
     rig = RigResult(0, frames=(result(0.05, 0.05), result(None, None)))
 
     def measured(_roots: object, rows: list[Row], *_rest: object) -> list[dict[str, object]]:
-        return [run_module._record(row, [rig], 1) for row in rows]
+        return [command._record(row, [rig], 1) for row in rows]
 
     monkeypatch.setattr(variant, "choose", str)  # probing the renderer takes seconds
     monkeypatch.setattr(command, "render", lambda *_given: [])

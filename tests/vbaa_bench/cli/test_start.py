@@ -22,7 +22,7 @@ from tests.command_line import CommandLine
 from vbaa_bench import cli
 from vbaa_bench.cli import options
 from vbaa_bench.cli.main import MOVED
-from vbaa_bench.scoring import child
+from vbaa_bench.scoring.isolation import runs
 
 # Importing these takes tenths of a second to seconds. Typer itself brings pydantic.
 SLOW = {"cv2", "drjit", "mitsuba", "numba", "numpy", "polars", "scipy"}
@@ -63,7 +63,7 @@ def test_a_start_imports_nothing_slow_and_changes_nothing(words: list[str]) -> N
 def test_names_in_help_texts_are_those_of_the_code() -> None:
     assert tuple(METHODS) == options.METHODS
     assert tuple(EXTRACTORS) == options.CENTRELINES
-    assert options.MEMORY_GB == child.MEMORY_GB
+    assert options.MEMORY_GB == runs.MEMORY_GB
 
 
 def test_the_version_is_that_of_the_package() -> None:

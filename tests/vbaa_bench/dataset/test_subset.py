@@ -26,7 +26,7 @@ from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.subset import Choice, subset
 from vbaa_bench.dataset.verify import Counts, faults
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score
 
 

@@ -12,7 +12,7 @@ from tests.vbaa_bench.regression.runs import METHODS, Drawn, changed
 from vbaa_bench.regression.baseline import read_baseline, versions, write_baseline
 from vbaa_bench.regression.cells import PairedScene
 from vbaa_bench.regression.comparison import table
-from vbaa_bench.regression.pairing import pair
+from vbaa_bench.regression.scored_run import pair
 
 # Deeper than any document, and less deep than Python allows.
 NESTED = json.loads('{"kind": ' * 300 + "0" + "}" * 300)

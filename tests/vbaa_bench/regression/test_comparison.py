@@ -14,8 +14,7 @@ from tests.vbaa_bench.regression.runs import METHODS, STEPS, Drawn, changed
 from vbaa_bench.regression.cells import ALL_SCENES, PairedScene
 from vbaa_bench.regression.compared import COMPARED, TIME
 from vbaa_bench.regression.comparison import Change, Comparison, Verdict, table
-from vbaa_bench.regression.pairing import pair
-from vbaa_bench.regression.scored_run import ScoredRun
+from vbaa_bench.regression.scored_run import ScoredRun, pair
 
 PATH = Path("baseline.json")
 run = cache(lambda noise, repeats=10: Drawn(noise, repeats).run())

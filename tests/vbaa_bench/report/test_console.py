@@ -4,7 +4,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from vbaa_bench.report.console import print_line, show_table
-from vbaa_bench.scoring.layout import run_name
+from vbaa_bench.scoring.results_layout import run_name
 
 
 def test_a_table_is_whole_where_the_terminal_is_narrow(

@@ -32,9 +32,10 @@ from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
 from vbaa_bench.scoring.conditions import FACTOR_PREFIX
 from vbaa_bench.scoring.factors import factor_table
-from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.frame_scores import score_frames
+from vbaa_bench.scoring.predictions import checked_predictions
+from vbaa_bench.scoring.score import score_rigs
 from vbaa_bench.scoring.score_columns import FACTORS, PREDICTIONS, SCORES, STRATA_TABLE
-from vbaa_bench.scoring.scored_collection import score_rigs
 from vbaa_bench.scoring.strata_table import strata_rows
 
 PAGE = Path(__file__).parents[3] / "docs" / "data_dictionary.md"

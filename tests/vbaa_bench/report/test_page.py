@@ -14,7 +14,7 @@ from tests.vbaa_bench.report.synthetic import METHODS, contents, limited, scores
 from vbaa_bench.regression.baseline import read_baseline, versions, write_baseline
 from vbaa_bench.regression.cells import PairedScene
 from vbaa_bench.regression.comparison import table
-from vbaa_bench.regression.pairing import pair
+from vbaa_bench.regression.scored_run import pair
 from vbaa_bench.report.budget import read_budget
 from vbaa_bench.report.changes import changes_of
 from vbaa_bench.report.page import page

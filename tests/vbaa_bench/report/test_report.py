@@ -14,7 +14,7 @@ from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.scored_run import read_run
 from vbaa_bench.report.report import report
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score
 from vbaa_bench.scoring.score_columns import LIMITS
 

@@ -7,7 +7,7 @@ from typing import IO, Any
 
 import pytest
 
-from vbaa_bench.scoring import child
+from vbaa_bench.scoring.isolation import runs
 
 
 @contextmanager
@@ -18,4 +18,4 @@ def _nothing_started(*_: Any) -> Iterator[tuple[IO[bytes], IO[bytes]]]:
 @pytest.fixture
 def no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Start no process for a method, in tests of what happens before it solves."""
-    monkeypatch.setattr(child, "_supervisor", _nothing_started)
+    monkeypatch.setattr(runs, "_supervisor", _nothing_started)

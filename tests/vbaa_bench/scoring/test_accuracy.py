@@ -14,7 +14,8 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.frame_scores import score_frames
+from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.tables import csv_table, latex, markdown
 

@@ -23,8 +23,8 @@ from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.api import results as api
 from vbaa_bench.cli import results as commands
-from vbaa_bench.scoring.child import Job, MethodRun
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.isolation.runs import Job, MethodRun, RunSettings
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 from vbaa_bench.scoring.score import found_predictions
 
 PAPER = "two_point@area_weighted"
@@ -113,9 +113,9 @@ def test_the_profile_fit_is_the_usual_one_and_has_the_plain_name(
 ) -> None:
     asked: dict[str, str] = {}
 
-    def solve_each(jobs: list[Job], centreline: str, *_: Any) -> Iterator[MethodRun]:
+    def solve_each(jobs: list[Job], settings: RunSettings, *_: Any) -> Iterator[MethodRun]:
         for job in jobs:
-            asked[job.out.stem] = centreline
+            asked[job.out.stem] = settings.centreline
             yield MethodRun(job.out, 1, 0, "")
 
     monkeypatch.setattr(api, "solve_each", solve_each)

@@ -10,8 +10,8 @@ from solver.instrument.images import read_grey
 from solver.instrument.observation import Observations
 from solver.tracker import extract_centreline
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import overlay
+from vbaa_bench.scoring.results_layout import Results
 
 
 def test_points_are_those_of_the_solver_and_lie_on_the_true_beam(

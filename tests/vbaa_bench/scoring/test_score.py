@@ -13,9 +13,9 @@ import pytest
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.child import solve
-from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.metrics import read_predictions
+from vbaa_bench.scoring.isolation.runs import solve
+from vbaa_bench.scoring.predictions import read_predictions
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import found_predictions, score, with_own
 
 

@@ -10,16 +10,24 @@ import polars as pl
 import pytest
 
 from tests.vbaa_bench.scoring.worlds import truth
-from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.report import console
+from vbaa_bench.scoring import tables
+from vbaa_bench.scoring.frame_scores import score_frames
+from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.statistics import (
     COUNT,
+    FACTOR,
+    INFORMATION_USED,
     LARGEST,
     MEAN,
     MEDIAN,
     P05,
     P95,
+    REPORT_TABLE,
     RMS,
+    SUMMARY,
+    TABLE,
     Reduction,
     Statistic,
     error_statistics,
@@ -28,7 +36,9 @@ from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import calibration
 
 
-@pytest.mark.parametrize("reduction", [COUNT, LARGEST, MEAN, MEDIAN, P05, P95, RMS])
+@pytest.mark.parametrize(
+    "reduction", [COUNT, INFORMATION_USED, LARGEST, MEAN, MEDIAN, P05, P95, RMS]
+)
 def test_a_reduction_of_an_array_is_that_of_a_column(
     reduction: Reduction, random: np.random.Generator
 ) -> None:
@@ -49,6 +59,18 @@ def test_only_frames_that_meet_the_condition_count() -> None:
     for statistic, value in ((mean, 2.0), (ratio, 2.0), (undefined, None)):
         assert statistic.of(rows) == value
         assert rows.select(statistic.expression).item() == value
+
+
+def test_each_figure_of_a_table_has_a_heading_of_its_own() -> None:
+    declared = SUMMARY | TABLE
+    for heads in (
+        [declared[name].heading.table for name in tables._COLUMNS],
+        [declared[name].heading.scores for name in (*console._SCORES, "n")],
+        [one.heading.report for one in FACTOR.values()],
+        [one.heading.report for one in REPORT_TABLE.values()],
+    ):
+        assert all(heads)
+        assert len(set(heads)) == len(heads)
 
 
 def test_without_any_error_there_is_no_ratio_of_sigma_and_error() -> None:
@@ -78,7 +100,7 @@ COMPUTED["y_c_error_pct_L"] = ComputedScore(
 from vbaa_bench.report import dictionary
 from vbaa_bench.report.report import report
 from vbaa_bench.scoring.accuracy import accuracy
-from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores, score
 from vbaa_bench.scoring.tables import markdown
 

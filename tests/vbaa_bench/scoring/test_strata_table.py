@@ -13,10 +13,13 @@ from tests.draws import generator
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.scoring.efficiency import efficiency, share_of_information
-from vbaa_bench.scoring.information import information_of, scored_limits
-from vbaa_bench.scoring.metrics import checked_predictions, score_frames, true_frames
+from vbaa_bench.scoring.frame_scores import score_frames, true_frames
+from vbaa_bench.scoring.information import efficiency, scored_limits
+from vbaa_bench.scoring.information_sets import information_of
+from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.score_columns import LIMITS
+from vbaa_bench.scoring.scored_quantities import X_C
+from vbaa_bench.scoring.statistics import information_used
 from vbaa_bench.scoring.strata import ALL
 from vbaa_bench.scoring.strata_table import strata_rows
 from vbaa_bench.scoring.summary import summarise, summarise_method
@@ -195,13 +198,13 @@ def test_the_share_of_the_information_is_a_sentence(
         assert 2 * low - high < percent < 2 * high - low
         assert share["efficiency_pct"] == pytest.approx(percent, rel=0.4)
     few = {**of(parameters, "x_c_mm")[ALL], "answered": 19}
-    assert "impossible" not in (efficiency("planar", few) or {})["sentence"]
+    assert "impossible" not in (efficiency("planar", X_C, few) or {})["sentence"]
 
 
 @pytest.mark.parametrize(
     ("ratio", "frames", "share"),
     [
-        (None, 100, None),
+        (0.0, 100, None),
         (2.0, 100, 0.25),
         (0.9, 100, 1 / 0.81),
         (0.7, 100, None),
@@ -209,9 +212,13 @@ def test_the_share_of_the_information_is_a_sentence(
     ],
 )
 def test_a_share_that_chance_does_not_explain_is_not_stated(
-    ratio: float | None, frames: int, share: float | None
+    ratio: float, frames: int, share: float | None
 ) -> None:
-    assert share_of_information(ratio, frames) == pytest.approx(share)
+    # Frames without a limit do not count.
+    rows = pl.DataFrame({"error": [ratio] * frames + [None] * 100})
+    used = information_used(pl.col("error"))
+    assert used.of(rows) == pytest.approx(share)
+    assert rows.select(used.expression).item() == pytest.approx(share)
 
 
 def test_without_limits_there_is_no_share() -> None:

@@ -44,13 +44,13 @@ def budget(
     root: Path,
     methods: Sequence[str] = ("exact_fit",),
     noise_draws: int = NOISE_DRAWS,
-    tick: Callable[[int], None] = lambda _frames: None,
+    on_frame: Callable[[int], None] = lambda _frames: None,
 ) -> Record:
     """Split the errors of methods on a dataset into their causes; write `derived/budget.json`.
 
-    Shares are in % of L, by method and cause, with the number of frames. `tick` is called once per
-    frame and method, with the number of frames. Raises InputError, also for a method that answers
-    too few frames. `methods` are names of `METHODS`.
+    Shares are in % of L, by method and cause, with the number of frames. `on_frame` is called once
+    per frame and method, with the number of frames. Raises InputError, also for a method that
+    answers too few frames. `methods` are names of `METHODS`.
     """
     layout = Layout(root)
     world = open_world(layout)
@@ -58,7 +58,7 @@ def budget(
     antenna = set_up(observations)
     record = {
         name: _record(
-            NamedMethod(name, METHODS[name]), observations, antenna, world, noise_draws, tick
+            NamedMethod(name, METHODS[name]), observations, antenna, world, noise_draws, on_frame
         )
         for name in methods
     }
@@ -73,7 +73,7 @@ def _record(
     antenna: Antenna,
     world: TrueWorld,
     noise_draws: int,
-    tick: Callable[[int], None],
+    on_frame: Callable[[int], None],
 ) -> dict[str, dict[str, float]]:
     """Compute the shares of one method as a record, in % of L."""
     rows = {row["frame_id"]: row for row in world.truth.frames.iter_rows(named=True)}
@@ -87,7 +87,7 @@ def _record(
         method,
         noise_draws,
         np.random.default_rng(0),
-        lambda: tick(len(frames)),
+        lambda: on_frame(len(frames)),
     )
     usable = usable_frames(errors)
     if usable.sum() < MIN_FRAMES:

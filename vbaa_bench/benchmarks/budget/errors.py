@@ -84,7 +84,7 @@ def errors_of(
     method: NamedMethod,
     noise_draws: int,
     random: np.random.Generator,
-    tick: Callable[[], None] = lambda: None,
+    on_frame: Callable[[], None] = lambda: None,
 ) -> Errors:
     """Solve every frame at every stage with one method.
 
@@ -97,7 +97,7 @@ def errors_of(
     by_noise = np.full((noise_draws, len(frames)), np.nan)
     sigma = np.full(len(frames), np.nan)
     for i, (frame, row) in enumerate(zip(frames, rows, strict=True)):
-        tick()
+        on_frame()
         try:
             image = frame.image()
         except InputError:

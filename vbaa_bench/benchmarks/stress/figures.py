@@ -9,11 +9,8 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.benchmarks.stress.rig_results import FrameResult, RigResult
 from vbaa_bench.benchmarks.stress.rows import Targets
-from vbaa_bench.scoring.statistics import MEDIAN, RMS
-
-# Chosen: the interval limits then scatter by a few per cent of its width.
-RESAMPLES: Final = 1000
-_CONFIDENCE_PCT: Final = 95.0
+from vbaa_bench.scoring.bootstrap import DRAWS, interval
+from vbaa_bench.scoring.statistics import MEAN, MEDIAN, RMS, Reduction
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ def figures(rigs: Sequence[RigResult], seed: int) -> dict[str, Figure]:
     """
     table = [_frame_rows(rig.frames) for rig in rigs]
     random = np.random.default_rng(seed)
-    resamples = RESAMPLES if len(table) > 1 else 0
+    resamples = DRAWS if len(table) > 1 else 0
     picks = random.integers(len(table), size=(resamples, len(table)))
     resampled = [np.vstack([table[index] for index in row]) for row in picks]
     all_frames = np.vstack(table)
@@ -73,37 +70,25 @@ def _frame_rows(frames: Sequence[FrameResult]) -> Floats:
     return np.array(rows, dtype=float).reshape(-1, 5)
 
 
-def _percentage(flags: Floats) -> float:
-    return 100 * float(flags.mean()) if len(flags) else np.nan
-
-
-def _rms(values: Floats) -> float:
-    finite = values[np.isfinite(values)]
-    return RMS.of(finite) if len(finite) else np.nan
-
-
-def _median(values: Floats) -> float:
-    finite = np.abs(values[np.isfinite(values)])
-    return MEDIAN.of(finite) if len(finite) else np.nan
+def _of(reduction: Reduction, values: Floats) -> float:
+    """Reduce the values that are not missing; NaN if there is none."""
+    known = values[~np.isnan(values)]
+    value = reduction.of(known) if len(known) else None
+    return np.nan if value is None else value
 
 
 _FIGURES: Final[dict[str, Callable[[Floats], float]]] = {
-    "answered": lambda frames: _percentage(np.isfinite(frames[:, 0])),
-    "rmse": lambda frames: _rms(frames[:, 0]),
-    "median": lambda frames: _median(frames[:, 0]),
-    "consistent": lambda frames: _percentage(frames[:, 2]),
-    "sigma_ratio": lambda frames: _rms(frames[:, 1]) / max(_rms(frames[:, 0]), 1e-12),
-    "detected": lambda frames: _percentage(frames[:, 3]),
-    "false": lambda frames: _percentage(frames[:, 4]),
+    "answered": lambda frames: 100 * _of(MEAN, ~np.isnan(frames[:, 0])),
+    "rmse": lambda frames: _of(RMS, frames[:, 0]),
+    "median": lambda frames: _of(MEDIAN, np.abs(frames[:, 0])),
+    "consistent": lambda frames: 100 * _of(MEAN, frames[:, 2]),
+    "sigma_ratio": lambda frames: _of(RMS, frames[:, 1]) / max(_of(RMS, frames[:, 0]), 1e-12),
+    "detected": lambda frames: 100 * _of(MEAN, frames[:, 3]),
+    "false": lambda frames: 100 * _of(MEAN, frames[:, 4]),
 }
 
 
 def _figure(value: float, resampled: Sequence[float]) -> Figure:
     if not np.isfinite(value):
         return Figure(None, None, None)
-    finite = np.array([sample for sample in resampled if np.isfinite(sample)])
-    if not len(finite):
-        return Figure(value, None, None)
-    tail = (100 - _CONFIDENCE_PCT) / 2
-    low, high = np.percentile(finite, [tail, 100 - tail])
-    return Figure(value, float(low), float(high))
+    return Figure(value, *(interval(np.array(resampled)) or (None, None)))

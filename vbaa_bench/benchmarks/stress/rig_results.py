@@ -157,7 +157,7 @@ def score_frame(
     Detected: `set_up` refused, or a finding or the outcome is one of the row's signs, or the
     message contains one; in a row without signs, any finding, a refusal or a moved camera. False:
     answered, and more than 3 sigma off; or "no contact", as every frame has a true contact.
-    Honest: answered within 3 sigma; or not answered because the perturbation was detected, or
+    Consistent: answered within 3 sigma; or not answered because the perturbation was detected, or
     because fewer than 8 points are visible.
     """
     error = None if answer.x_c is None else 100 * (answer.x_c - true_x_c) / length

@@ -1,8 +1,10 @@
 """Rows of the table: perturbations, the signs that identify them, and target figures."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from solver.instrument.errors import InputError
 from vbaa_bench.benchmarks.stress import geometry, gray, stated, video
 from vbaa_bench.benchmarks.stress.recording import Perturbation
 
@@ -53,7 +55,7 @@ class Row:
 def _usable(answered: float | None = None, rmse: float | None = None) -> Targets:
     """Return the targets for images that a solver must handle: consistent, and without alarm.
 
-    Honest is 95 % within 3 sigma with sigmas up to twice the error (the issue's own figures).
+    Consistent is 95 % within 3 sigma with sigmas up to twice the error (the issue's own figures).
     Alarms at 3 sigma occur by chance: one in 370 for each of a handful of tests.
     """
     return Targets(answered, rmse, consistent=95, sigma_ratio=2, alarmed=5)
@@ -172,3 +174,11 @@ ROWS: Final = (
     Row("left_aligned", "16-bit images, upper 8 bits used", gray.left_aligned, _usable(100, 0.1)),
 )
 NAMES: Final = tuple(row.name for row in ROWS)
+
+
+def chosen_rows(names: Sequence[str]) -> tuple[Row, ...]:
+    """Find the rows of these names, or all without names. Raises InputError for an unknown one."""
+    for name in names:
+        if name not in NAMES:
+            raise InputError(f"row '{name}' is unknown, allowed is one of {', '.join(NAMES)}")
+    return tuple(row for row in ROWS if not names or row.name in names)

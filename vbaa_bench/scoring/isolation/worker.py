@@ -28,24 +28,26 @@ from solver.learning.frames import frames_to_learn, learn_from_frames, with_lear
 from solver.methods import LEARNING, METHODS, Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
-from vbaa_bench.scoring.estimate_faults import estimate_faults
 from vbaa_bench.scoring.information_sets import check_information
-from vbaa_bench.scoring.messages import (
+from vbaa_bench.scoring.isolation.connection import (
     MAX_MESSAGE,
     MAX_TRACEBACK,
     TEXTS,
     WorkerEnd,
     is_number_or_none,
 )
-from vbaa_bench.scoring.process_tree import end_with_parent
-from vbaa_bench.scoring.reference_kernel import run_reference
-from vbaa_bench.scoring.user_modules import import_from
+from vbaa_bench.scoring.isolation.method_sources import import_from
+from vbaa_bench.scoring.isolation.process_tree import end_with_parent
+from vbaa_bench.scoring.isolation.reference_kernel import run_reference
 
 GIGABYTE: Final = 1e9
 # An empty method computes for so long [s], as the fastest methods do, and is run so often, for the
 # median. Chosen: together 20 ms.
 EMPTY_S: Final = 1e-3
 EMPTY_RUNS: Final = 21
+# Relative asymmetry, and the most negative eigenvalue of the correlations, that rounding explains.
+# Measured: covariances of derived quantities are singular, with eigenvalues down to -1e-9.
+_ROUNDING: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ def opened(observations: Path, centreline: str) -> tuple[Observations, Antenna]:
 
 
 @functools.lru_cache(maxsize=1)
-def learned(observations: Path, centreline: str) -> Antenna:
+def learned_antenna(observations: Path, centreline: str) -> Antenna:
     """Return the antenna with the beam that its frames for learning show. Raises InputError."""
     frames, antenna = opened(observations, centreline)
     beam = learn_from_frames(antenna, frames_to_learn(frames.frames))
@@ -126,7 +128,7 @@ def work(
     method = _MethodWrapper(function, task.memory_gb)
     if task.method in LEARNING:
         try:
-            antenna = learned(task.observations, task.centreline)
+            antenna = learned_antenna(task.observations, task.centreline)
         except InputError as error:
             supervisor.send("refused", reason=_reason(error))
             return
@@ -219,6 +221,29 @@ class _MethodWrapper:
         finally:
             if os.getpid() != self._process:  # a process forked by the method that returned
                 os._exit(0)
+
+
+def estimate_faults(estimate: object) -> list[str]:
+    """List faults of an estimate's covariance as sentences; none for anything else.
+
+    Sizes and values that are not finite are refused by `Estimate` itself.
+    """
+    if not isinstance(estimate, Estimate) or estimate.covariance is None:
+        return []
+    covariance = np.asarray(estimate.covariance)
+    variances = np.diag(covariance)
+    without = [
+        name for name, variance in zip(estimate.values, variances, strict=True) if variance <= 0
+    ]
+    if without:
+        return [f"the covariance has no positive variance for {', '.join(without)}"]
+    sigmas = np.sqrt(variances)
+    correlations = covariance / np.outer(sigmas, sigmas)
+    if np.abs(correlations - correlations.T).max() > _ROUNDING:
+        return ["the covariance is not symmetric"]
+    if np.linalg.eigvalsh(correlations)[0] < -_ROUNDING * len(sigmas):
+        return ["the covariance is not positive definite"]
+    return []
 
 
 def _sendable(row: Row) -> Row:

@@ -7,7 +7,7 @@ from solver.instrument.observation import Observations
 from solver.instrument.rig import Sensors
 from solver.methods import METHODS
 from tests.simulated import rig
-from vbaa_bench.scoring.applicable import applicable
+from vbaa_bench.scoring.isolation.runs import applicable
 
 
 def observations(

@@ -8,6 +8,7 @@ import tempfile
 import threading
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,19 +16,20 @@ from typing import IO, Any, Final, NamedTuple
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.observation import open_observations
+from solver.instrument.image_frame import LEARN
+from solver.instrument.observation import Observations, open_observations
 from solver.instrument.safe_path import PYTHON
 from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path
-from solver.methods import METHODS
+from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
 from vbaa_bench.dataset.copies import copy_observations
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete
 from vbaa_bench.dataset.recorded import write_results
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE
-from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
-from vbaa_bench.scoring.user_modules import SOURCES, copy_sources
+from vbaa_bench.scoring.isolation.method_sources import SOURCES, copy_sources
+from vbaa_bench.scoring.isolation.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 
 # Time limit for one frame, repeats included [s]; a method that exceeds it has crashed.
 MAX_FRAME_S: Final = 60.0
@@ -55,7 +57,7 @@ _MAX_REST_S: Final = 2.0
 _SUPERVISOR: Final = """
 from solver.instrument.quick_imports import quick_imports
 with quick_imports():
-    from vbaa_bench.scoring.supervisor import main
+    from vbaa_bench.scoring.isolation.supervisor import main
 main()
 """
 
@@ -87,11 +89,42 @@ class Job(NamedTuple):
     frames: Sequence[int] | None = None
 
 
+class RunSettings(NamedTuple):
+    """How methods are run: on which centreline, how often on each frame, and with which limits.
+
+    `memory_gb` is the memory of a method and of each process that it starts [GB], 0 for no limit;
+    `frame_s` is the time for a frame, repeats included [s].
+    """
+
+    centreline: str
+    repeats: int
+    memory_gb: float = MEMORY_GB
+    frame_s: float = MAX_FRAME_S
+
+
 class _Pipes(NamedTuple):
     """Standard input and output of a supervisor."""
 
     requests: IO[bytes]
     reports: IO[bytes]
+
+
+def applicable(observations: Observations) -> list[str]:
+    """List the names of METHODS for which all is there: sensors, sequences, splits, gravity."""
+    sensors = observations.rig.sensors
+    pushes = [frame.push_id for frame in observations]
+    inapplicable = set()
+    if sensors.moment_y is None:
+        inapplicable.add("moment_sensor")
+    if sensors.base_force is None:
+        inapplicable.add("force_sensor")
+    if observations.rig.gravity is None:
+        inapplicable.add("hung_weight")
+    if len(set(pushes)) == len(pushes):
+        inapplicable |= {"stiffness", "push_fit", "push_fit_friction"}
+    if all(frame.split != LEARN for frame in observations):
+        inapplicable |= LEARNING
+    return [name for name in METHODS if name not in inapplicable]
 
 
 def solve(
@@ -103,7 +136,7 @@ def solve(
     *,
     memory_gb: float = MEMORY_GB,
     frame_s: float = MAX_FRAME_S,
-    hear: Callable[[str], None] = lambda _line: None,
+    on_output: Callable[[str], None] = lambda _line: None,
     frames: Sequence[int] | None = None,
 ) -> MethodRun:
     """Run a method on every frame of a dataset's observations; write its estimates to `out` as CSV.
@@ -113,32 +146,30 @@ def solve(
     A frame has the outcome "crashed" if the method raises an error, terminates its process or takes
     longer than `frame_s`; other frames keep their estimates. After three consecutive frames that
     terminated the process, all remaining frames are crashed too. The method, and each process that
-    it starts, may allocate `memory_gb`; 0 means no limit. `hear` is called with each line that the
-    method prints, up to MAX_OUTPUT characters. `centreline` is the name of the extraction method
-    of the centreline. Where the rig cannot be set up, for example because that centreline detects
-    no beam in the rest images, every frame has the outcome "invalid" with the reason.
+    it starts, may allocate `memory_gb`; 0 means no limit. `on_output` is called with each line that
+    the method prints, up to MAX_OUTPUT characters. `centreline` is the name of the extraction
+    method of the centreline. Where the rig cannot be set up, for example because that centreline
+    detects no beam in the rest images, every frame has the outcome "invalid" with the reason.
 
     Raises InputError if the method is unknown, if the observations are not what was generated, or
     if `out` or a temporary folder cannot be written. An earlier table at `out` is then kept.
     """
-    limits = (repeats, memory_gb, frame_s)
+    settings = RunSettings(centreline, repeats, memory_gb, frame_s)
     prepare_output_path(out)
-    (run,) = solve_each([Job(method, layout, out, frames)], centreline, limits, hear)
+    (run,) = solve_each([Job(method, layout, out, frames)], settings, on_output)
     return run
 
 
 def solve_each(
     jobs: Sequence[Job],
-    centreline: str,
-    limits: tuple[int, float, float],
-    hear: Callable[[str], None] = lambda _line: None,
+    settings: RunSettings,
+    on_output: Callable[[str], None] = lambda _line: None,
 ) -> Generator[MethodRun, None, None]:
     """Run methods on datasets, as `solve` does.
 
     One process runs them all, one after another, and sets up a dataset once for consecutive jobs.
-    A method of the user's own needs a process of its own. `limits` are the repeats, the memory [GB]
-    and the time for a frame [s]. The table of a dataset that is refused holds the reason in every
-    row. Raises InputError as `solve` does.
+    A method of the user's own needs a process of its own. The table of a dataset that is refused
+    holds the reason in every row. Raises InputError as `solve` does.
     """
     remaining = list(jobs)
     for job in jobs:
@@ -152,10 +183,10 @@ def solve_each(
                 sources = f"{folder / SOURCES}{os.sep}"
                 return text.replace(sources, "").replace(f"{folder}{os.sep}", "")
 
-            task = (str(folder), centreline, *map(str, limits))
+            task = (str(folder), *map(str, settings))
             environment = _environment(remaining[0].method, folder)
             with _supervisor(
-                task, folder, environment, lambda line: hear(restored_paths(line))
+                task, folder, environment, lambda line: on_output(restored_paths(line))
             ) as pipes:
                 alive, copied, copy = True, None, folder
                 while alive and remaining:
@@ -171,6 +202,51 @@ def solve_each(
                         copied = job.layout
                     run, alive = _solve(job, copy, pipes, restored_paths)
                     yield run
+
+
+def solve_rigs(
+    rigs: Mapping[int, Layout],
+    methods: Mapping[str, str],
+    settings: RunSettings,
+    workers: int,
+    on_rig: Callable[[], None],
+    on_output: Callable[[str], None],
+) -> dict[str, MethodRun]:
+    """Run methods on all rigs, in `workers` processes; write each rig's predictions by name.
+
+    `methods` are by the names of their predictions. A rig is set up once for all of them, so that a
+    method of the user's own must be alone. `on_rig` is called after each rig. Return the numbers of
+    frames of all rigs together, with the table of the first rig. Raises InputError if a method
+    cannot be found.
+    """
+
+    def solve_share(share: Sequence[Layout]) -> list[MethodRun]:
+        jobs = [
+            Job(method, layout, Results(layout.root).predictions / f"{name}.csv")
+            for layout in share
+            for name, method in methods.items()
+        ]
+        runs = []
+        for run in solve_each(jobs, settings, on_output):
+            runs.append(run)
+            if len(runs) % len(methods) == 0:
+                on_rig()
+        return runs
+
+    datasets = list(rigs.values())
+    with ThreadPoolExecutor(workers) as threads:
+        shares = [share for n in range(workers) if (share := datasets[n::workers])]
+        runs = [run for share in threads.map(solve_share, shares) for run in share]
+    by_name = {name: runs[n :: len(methods)] for n, name in enumerate(methods)}
+    return {name: _together(of_method) for name, of_method in by_name.items()}
+
+
+def _together(runs: Sequence[MethodRun]) -> MethodRun:
+    """Add up the frames of a method's runs; they are refused if those of every rig are."""
+    refusal = runs[0].refusal if all(run.refusal for run in runs) else ""
+    traceback = next((run.traceback for run in runs if run.traceback), "")
+    frames, crashed = sum(run.frames for run in runs), sum(run.crashed for run in runs)
+    return MethodRun(runs[0].table, frames, crashed, traceback, refusal)
 
 
 def _solve(
@@ -255,7 +331,7 @@ def _supervisor(
     task: tuple[str, ...],
     folder: Path,
     environment: Mapping[str, str],
-    hear: Callable[[str], None],
+    on_output: Callable[[str], None],
 ) -> Iterator[_Pipes]:
     """Start the process that runs the methods; yield its standard input and output.
 
@@ -263,7 +339,7 @@ def _supervisor(
     """
     command = [*PYTHON, "-c", _SUPERVISOR, *task]
     readable, writable = os.pipe()
-    listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
+    listener = threading.Thread(target=_listen, args=(readable, on_output), daemon=True)
     listener.start()
     with subprocess.Popen(
         command,
@@ -290,18 +366,31 @@ def _supervisor(
             listener.join(_MAX_REST_S)
 
 
-def _listen(readable: int, hear: Callable[[str], None]) -> None:
+def _listen(readable: int, on_output: Callable[[str], None]) -> None:
     """Pass on the method's output, line by line, up to a limit; read and drop the rest."""
     remaining, dropped = MAX_OUTPUT, 0
     with open(readable, "rb") as stream:
         while line := stream.readline(MAX_OUTPUT):
             text = line.decode("utf-8", "replace")
             if text := text[:remaining]:
-                hear(text.rstrip("\r\n"))
+                on_output(text.rstrip("\r\n"))
             remaining -= len(text)
             dropped += len(line) if not text else 0
     if dropped:
-        hear(f"... and {dropped} bytes more, not shown")
+        on_output(f"... and {dropped} bytes more, not shown")
+
+
+def one_core_environment() -> dict[str, str]:
+    """Make the minimal environment of a process whose times are those of one core.
+
+    Its libraries choose the same kernels as in the user's own processes.
+    """
+    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT", *_KERNEL_CHOICES)
+    environment = {name: os.environ[name] for name in inherited if name in os.environ}
+    environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+    environment["OPENCV_FOR_THREADS_NUM"] = "1"
+    environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
+    return environment
 
 
 def _environment(method: str, folder: Path) -> dict[str, str]:
@@ -311,12 +400,7 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     This prevents a method from reading the truth by accident; it does not stop one that searches
     the disk. Raises InputError.
     """
-    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT", *_KERNEL_CHOICES)
-    environment = {name: os.environ[name] for name in inherited if name in os.environ}
-    # One thread: times are those of one core on every machine.
-    environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
-    environment["OPENCV_FOR_THREADS_NUM"] = "1"
-    environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
+    environment = one_core_environment()
     module, colon, _ = method.partition(":")
     if colon and method not in METHODS:
         try:

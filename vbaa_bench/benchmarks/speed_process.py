@@ -1,8 +1,16 @@
-"""Repeated rounds of one method over the same frames: their times and estimates."""
+"""Process that times methods, from an image in memory and from points, and returns their estimates.
 
+It has no access to the truth. Its arguments are `measure` OBSERVATIONS FRAMES REPEATS METHOD..., or
+`start_cold` OBSERVATIONS METHOD LAUNCHED.
+"""
+
+import json
+import statistics
+import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -14,8 +22,10 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.measurement import Measurement
+from solver.instrument.observation import open_observations
 from solver.lab.table import csv_text, row
-from solver.methods import Method
+from solver.methods import METHODS, Method
+from solver.set_up import set_up
 from solver.tracker import PushTracker
 
 Record = dict[str, Any]
@@ -37,6 +47,75 @@ def _prepare_exact_fit(measurements: Sequence[Measurement]) -> Callable[[], obje
 
 # Methods that can solve many frames in one call.
 BATCHES: Final[dict[str, Batch]] = {"exact_fit": _prepare_exact_fit}
+
+
+def measure(observations: Path, methods: Sequence[str], most_frames: int, repeats: int) -> Record:
+    """Measure the seconds of every method on some frames of a dataset, and its estimates.
+
+    All methods take turns, `repeats` times after one warm-up round, so that a slowdown of the
+    machine affects all. A frame's time is the median over the repeats, a method's time the median
+    over the frames. The methods of BATCHES solve the points of all frames at once, too.
+    `predictions` is a method's table of estimates, as CSV.
+    """
+    opened = open_observations(observations)
+    frames = chosen(opened.frames, most_frames)
+    images, decode_times = [], []
+    for frame in frames:
+        start = time.perf_counter()
+        images.append(frame.image())
+        decode_times.append(time.perf_counter() - start)
+    start = time.perf_counter()
+    antenna = set_up(opened)
+    set_up_s = time.perf_counter() - start
+    runs = {name: Run(METHODS[name], BATCHES.get(name), antenna, len(frames)) for name in methods}
+    for _ in range(1 + repeats):
+        for run in runs.values():
+            run.once(frames, images)
+    extraction = [run.image_s - run.method_s for run in runs.values()]
+    return {
+        "frames": len(frames),
+        "image_px": [images[0].shape[1], images[0].shape[0]],
+        "image_bits": 8 * images[0].itemsize,
+        "repeats": repeats,
+        "decode_ms_per_frame": 1e3 * statistics.median(decode_times),
+        "extract_ms_per_frame": 1e3 * float(np.median(extraction)),
+        "set_up_s": set_up_s,
+        "methods": {name: run.record(frames) for name, run in runs.items()},
+    }
+
+
+def start_cold(observations: Path, name: str, launched: float) -> Record:
+    """Time the first estimate of a process that was launched at `launched` [Unix time]."""
+    imported = time.time()
+    opened = open_observations(observations)
+    first = opened.frames[0]
+    image = first.image()
+    start = time.time()
+    antenna = set_up(opened)
+    ready = time.time()
+    PushTracker(antenna, METHODS[name]).solve(image, first.readings, first.push_id)
+    done = time.time()
+    return {
+        "import_s": imported - launched,
+        "set_up_s": ready - start,
+        "first_image_ms": 1e3 * (done - ready),
+        "total_s": done - launched,
+    }
+
+
+def chosen(frames: Sequence[ImageFrame], most: int) -> list[ImageFrame]:
+    """Choose whole pushes, evenly spread, of at most `most` frames in total, or one push.
+
+    The frames of a push are in the order of their steps.
+    """
+    pushes: dict[str, list[ImageFrame]] = {}
+    for frame in frames:
+        pushes.setdefault(frame.push_id or frame.frame_id, []).append(frame)
+    longest = max(map(len, pushes.values()))
+    count = max(min(len(pushes), most // longest), 1)
+    indices = np.unique(np.linspace(0, len(pushes) - 1, count).round().astype(int))
+    ordered = [pushes[name] for name in sorted(pushes)]
+    return [picked for index in indices for picked in sorted(ordered[index], key=lambda f: f.step)]
 
 
 class _TimedMethod:
@@ -139,3 +218,14 @@ def _seconds(call: Callable[[], object]) -> float:
     except Exception:  # noqa: BLE001 - a method may raise any error
         return float("nan")
     return time.perf_counter() - start
+
+
+def _main(verb: str, observations: str, *options: str) -> Record:
+    if verb == "start_cold":
+        return start_cold(Path(observations), options[0], float(options[1]))
+    most_frames, repeats, *methods = options
+    return measure(Path(observations), methods, int(most_frames), int(repeats))
+
+
+if __name__ == "__main__":
+    print(json.dumps(_main(*sys.argv[1:])))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vbaa_bench.scoring import reference_kernel
+from vbaa_bench.scoring.isolation import reference_kernel
 
 
 def test_the_kernel_does_a_fixed_amount_of_work() -> None:

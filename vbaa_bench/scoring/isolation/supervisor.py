@@ -35,26 +35,26 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
 from solver.lab.table import row
 from solver.methods import METHODS
-from vbaa_bench.scoring.messages import (
+from vbaa_bench.scoring.isolation.connection import (
     MAX_TRACEBACK,
     TICK_S,
     Message,
     MessageError,
+    Stamps,
     SupervisorEnd,
     checked_row,
     frame_of,
     is_text,
 )
-from vbaa_bench.scoring.process_tree import (
+from vbaa_bench.scoring.isolation.method_sources import SOURCES
+from vbaa_bench.scoring.isolation.process_tree import (
     adopt_orphans,
     end_descendants,
     largest_memory,
     processor_seconds,
 )
-from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
-from vbaa_bench.scoring.stamps import Stamps
-from vbaa_bench.scoring.user_modules import SOURCES
-from vbaa_bench.scoring.worker import EMPTY_RUNS, GIGABYTE, Task, opened, work
+from vbaa_bench.scoring.isolation.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
+from vbaa_bench.scoring.isolation.worker import EMPTY_RUNS, GIGABYTE, Task, opened, work
 
 # Time limit for the start of a worker, compilation included [s]. Chosen: a first compilation of
 # the solver took 110 s on a loaded machine.

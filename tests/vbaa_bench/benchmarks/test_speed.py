@@ -18,12 +18,11 @@ from solver.instrument.measurement import Measurement
 from solver.methods import METHODS
 from vbaa_bench import cli
 from vbaa_bench.api import results as api
-from vbaa_bench.benchmarks.method_runs import BATCHES
-from vbaa_bench.benchmarks.speed_solve import chosen, measure, measure_apart
+from vbaa_bench.benchmarks.speed import measure_apart, with_errors
+from vbaa_bench.benchmarks.speed_process import BATCHES, chosen, measure
 from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.child import Job, MethodRun
-from vbaa_bench.scoring.speed import judged
+from vbaa_bench.scoring.isolation.runs import Job, MethodRun
 
 
 def needs_a_sensor(measurement: Measurement) -> Estimate:
@@ -55,7 +54,7 @@ def methods(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_every_method_has_its_times_and_its_error(dataset: Path, methods: list[str]) -> None:
     measured = measure(dataset / "observations", methods, 10, 2)
     truth = open_truth(dataset / "truth")
-    record = judged(truth, measured)
+    record = with_errors(truth, measured)
     assert record["frames"] == 4
     assert record["image_px"] == [512, 176]
     for name in ("decode_ms_per_frame", "extract_ms_per_frame", "set_up_s"):
@@ -78,9 +77,11 @@ def test_every_method_has_its_times_and_its_error(dataset: Path, methods: list[s
     json.dumps(record, allow_nan=False)
 
 
-def test_only_the_frames_that_were_measured_are_judged(dataset: Path, methods: list[str]) -> None:
+def test_only_the_frames_that_were_measured_are_with_errors(
+    dataset: Path, methods: list[str]
+) -> None:
     measured = measure(dataset / "observations", methods[-1:], 1, 1)
-    found = judged(open_truth(dataset / "truth"), measured)["methods"]["always_there"]
+    found = with_errors(open_truth(dataset / "truth"), measured)["methods"]["always_there"]
     assert measured["frames"] == found["n"] < 4
     assert found["failure_rate"] == 0
 

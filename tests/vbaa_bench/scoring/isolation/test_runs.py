@@ -28,10 +28,10 @@ from vbaa_bench.api import results as api
 from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.report.report import report
-from vbaa_bench.scoring import child
-from vbaa_bench.scoring.child import Job, MethodRun, solve
-from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.user_modules import copy_sources
+from vbaa_bench.scoring.isolation import runs
+from vbaa_bench.scoring.isolation.method_sources import copy_sources
+from vbaa_bench.scoring.isolation.runs import Job, MethodRun, solve
+from vbaa_bench.scoring.results_layout import Results
 
 FAILING = """
 import os, subprocess, sys, threading, time
@@ -104,7 +104,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     heard: list[str] = []
     out = root / "predictions" / "own.csv"
     solved = solve(
-        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=3.0, hear=heard.append
+        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=3.0, on_output=heard.append
     )
     with out.open(encoding="utf-8") as stream:
         messages = [one["message"] for one in csv.DictReader(stream)]
@@ -119,7 +119,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     assert "return bytearray(3 * 10**9)" in solved.traceback
     assert heard[0].startswith("printed [/x]...")
     assert "bytes more, not shown" in heard[-1]
-    assert sum(map(len, heard)) < 2 * child.MAX_OUTPUT
+    assert sum(map(len, heard)) < 2 * runs.MAX_OUTPUT
     sleeper = int((tmp_path / "sleeper").read_text(encoding="utf-8"))
     wait_until(lambda: not is_alive(sleeper))
     assert not list(temporary.iterdir())
@@ -138,7 +138,7 @@ def test_where_the_judge_is_killed_its_method_and_its_folder_go_too(
         encoding="utf-8",
     )
     code = (
-        "import sys; from pathlib import Path; from vbaa_bench.scoring.child import *\n"
+        "import sys; from pathlib import Path; from vbaa_bench.scoring.isolation.runs import *\n"
         "solve(Layout(Path(sys.argv[1])), 'slow:any', Path('out.csv'), 1)"
     )
     judge = subprocess.Popen(
@@ -163,7 +163,7 @@ def test_what_cannot_be_written_is_said_before_anything_is_solved(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "predictions").write_text("")
-    monkeypatch.setattr(child, "copy_observations", full)
+    monkeypatch.setattr(runs, "copy_observations", full)
     out = tmp_path / "predictions" / "exact_fit.csv"
     with pytest.raises(InputError, match=r"exact_fit\.csv: cannot be written"):
         solve(Layout(dataset), "exact_fit", out, 1)

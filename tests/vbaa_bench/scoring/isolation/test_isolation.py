@@ -12,18 +12,18 @@ import pytest
 
 from solver.instrument.estimate import Estimate, Outcome
 from solver.lab.table import row
-from tests.vbaa_bench.scoring.test_child import is_alive
+from tests.vbaa_bench.scoring.isolation.test_runs import is_alive
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.scoring import child
-from vbaa_bench.scoring.child import solve
-from vbaa_bench.scoring.messages import (
+from vbaa_bench.scoring.isolation import runs
+from vbaa_bench.scoring.isolation.connection import (
     MessageError,
+    Stamps,
     SupervisorEnd,
     WorkerEnd,
     checked_row,
     frame_of,
 )
-from vbaa_bench.scoring.stamps import Stamps
+from vbaa_bench.scoring.isolation.runs import solve
 
 HOSTILE = """
 import gc, json, mmap, os, socket, sys, time
@@ -127,7 +127,7 @@ def test_a_method_gets_the_choice_of_kernels_and_no_import_path(
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text("", encoding="utf-8")
-    environment = child._environment("mine:f", tmp_path / "folder")
+    environment = runs._environment("mine:f", tmp_path / "folder")
     assert chosen.items() <= environment.items()
     assert environment["NUMBA_CPU_NAME"] == "znver3"
     assert not environment.keys() & {"SECRET", "PYTHONPATH"}
