@@ -17,7 +17,7 @@ from solver.calibrate.calibration import Calibration as Calibration
 from solver.calibrate.lines import line_network
 from solver.calibrate.pinhole import pinhole
 from solver.calibrate.plane_alone import plane_alone
-from solver.calibrate.saddles import charuco, chessboard
+from solver.calibrate.saddles import charuco, chessboard, other_chessboard
 from solver.calibrate.telecentric import telecentric
 from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
@@ -57,17 +57,19 @@ def calibrate(board_views: Iterable[Grey], rig: Rig, quarter_turns: int = 0) -> 
     """
     shapes: list[tuple[int, ...]] = []
     detections: list[BoardDetection | None] = []
+    seen = ""
     for view in board_views:
         shapes.append(view.shape)
         if view.shape != shapes[0]:
             sizes = sorted({shapes[0], view.shape})
             raise InputError(f"the calibration views differ in size: {sizes}, allowed is one")
         detections.append(detect_board(view, rig.board, quarter_turns))
+        if detections == [None]:
+            seen = _seen(view, rig.board)
     if not detections:
         raise InputError("there is no calibration view, needed is at least one")
     if detections[0] is None:
-        required = "the whole board" if isinstance(rig.board, Chessboard) else "enough of the board"
-        raise InputError(f"calibration view 0, which defines plane C, does not show {required}")
+        raise InputError(f"calibration view 0, which defines plane C, {seen}")
     height, width = shapes[0]
     valid = [detection for detection in detections if detection is not None]
     try:
@@ -90,6 +92,14 @@ def calibrate(board_views: Iterable[Grey], rig: Rig, quarter_turns: int = 0) -> 
             "board.antenna_from_board_... and camera.distortion_coefficients in rig.json"
         )
     return calibration
+
+
+def _seen(view: Grey, board: Board) -> str:
+    """Say what a view shows in which the board was not detected."""
+    if not isinstance(board, Chessboard):
+        return "does not show enough of the board"
+    other = other_chessboard(view, board)
+    return f"shows {other}" if other else "does not show the whole board"
 
 
 def ambiguous(board: Board) -> bool:

@@ -38,6 +38,20 @@ def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
     return _refine(view, BoardDetection(numbers, corners.reshape(-1, 2)), board, _SEARCH)
 
 
+def other_chessboard(view: Grey, board: Chessboard) -> str:
+    """Say how many corners the chessboard in a view has, if not as many as `board`; "" if none."""
+    found, _, colours = cv2.findChessboardCornersSBWithMeta(
+        eight_bit(view), (3, 3), cv2.CALIB_CB_LARGER
+    )
+    if not found or set(colours.shape) == {board.columns, board.rows}:
+        return ""
+    rows, columns = sorted(colours.shape)
+    return (
+        f"a board of {columns} x {rows} inner corners, and board.columns and board.rows of "
+        f"rig.json are {board.columns} and {board.rows}; inner corners are one fewer than squares"
+    )
+
+
 def _logarithm(image: Grey) -> Grey:
     """Compute log(1 + gray), scaled to 8 bits, of an image (height, width) of 8 bits."""
     return np.asarray(np.rint(np.log1p(image) * (255 / np.log(256))), np.uint8)

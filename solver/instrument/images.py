@@ -33,6 +33,10 @@ _PNG = [
 MAX_BYTES: Final = 8 * MAX_PIXELS
 _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD: Final = 25  # bytes up to the bit depth
+# Formats of a laboratory's images; generated ones are PNG.
+FORMATS: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
+# Formats of which one file may hold a film, as microscopes store it.
+STACKS: Final = (".gif", ".tif", ".tiff")
 # Channel read from a colour image: luma, one of its colours, or blue to yellow (CIELAB's b).
 CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
 _CHANNEL_INDEX: Final = {"b": 0, "g": 1, "r": 2}
@@ -47,7 +51,26 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
     down cannot detect which way is up, and its tag may change from one image to the next.
     Raises InputError if the file is not an image, or not the one that was generated.
     """
-    return decode_grey(read_bytes(path, MAX_BYTES), path, channel)
+    image = decode_grey(read_bytes(path, MAX_BYTES), path, channel)
+    if path.suffix.lower() in STACKS and (pages := page_count(path)) > 1:
+        raise InputError(
+            f"{path}: holds {pages} images, allowed is one; solve such a film by itself, as a video"
+        )
+    return image
+
+
+def page_count(path: Path) -> int:
+    """Count the images of a TIFF or GIF file; 0 if it cannot be read."""
+    try:
+        return int(cv2.imcount(str(path)))
+    except cv2.error:
+        return 0
+
+
+def image_files(folder: Path, start: str = "") -> list[Path]:
+    """List the image files of a folder whose names begin with `start`, by name."""
+    found = folder.glob(f"{start}*") if folder.is_dir() else ()
+    return sorted(path for path in found if path.suffix.lower() in FORMATS)
 
 
 def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
@@ -113,25 +136,32 @@ def png_bytes(image: Grey) -> bytes:
     return bytes(data)
 
 
-class PngHead(NamedTuple):
-    """Header of a PNG file: size in pixels, and 8 or 16 bits per channel."""
+class ImageHead(NamedTuple):
+    """Size of an image in pixels, and its 8 or 16 bits per channel."""
 
     width: int
     height: int
     bits: int
 
 
-def png_head(path: Path) -> PngHead:
-    """Read the size and depth of a PNG file from its first bytes only. Raises InputError."""
+def image_head(path: Path) -> ImageHead:
+    """Read the size and depth of an image file; of a PNG from its first bytes only.
+
+    Raises InputError.
+    """
     try:
         with open_regular(path) as stream:
-            return _png_head(stream.read(_PNG_HEAD), path)
+            head = stream.read(_PNG_HEAD)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if head.startswith(_PNG_SIGNATURE):
+        return _png_head(head, path)
+    image = read_grey(path)
+    return ImageHead(image.shape[1], image.shape[0], 8 * image.itemsize)
 
 
-def _png_head(head: bytes, path: Path) -> PngHead:
-    if len(head) < _PNG_HEAD or not head.startswith(_PNG_SIGNATURE):
-        raise InputError(f"{path}: is not a PNG image")
+def _png_head(head: bytes, path: Path) -> ImageHead:
+    if len(head) < _PNG_HEAD:
+        raise InputError(f"{path}: is not an image that can be decoded")
     width, height, bits = struct.unpack(">IIB", head[16:])
-    return PngHead(width, height, 16 if bits == 16 else 8)
+    return ImageHead(width, height, 16 if bits == 16 else 8)

@@ -2,11 +2,12 @@
 
 observations/
   rig.json                      nominal rig with tolerances
-  calibration/view_00.png ...   board views; view 0 lies in plane C
+  calibration/view_00.png ...   board views; view 0 lies in plane C; a laboratory's may be JPEG,
+                                TIFF or BMP, as all its images
   rest/rest_00.png ...          the beam before contact
   shard_00000/metadata.csv      one row per frame: see solver/instrument/metadata.py
   shard_00000/<frame_id>.png    one image per frame
-  images/metadata.csv, images/*.png      of a laboratory, in place of shards; the table may be
+  images/metadata.csv, images/*          of a laboratory, in place of shards; the table may be
                                          missing where there are no readings
   hashes.json, shard_00000/hashes.json   of generated trees: see solver/instrument/hashes.py
 """
@@ -21,7 +22,7 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import DamageError, InputError, quoted
 from solver.instrument.hashes import MEND, listed, read_hashes
 from solver.instrument.image_frame import ImageFrame, push_order
-from solver.instrument.images import png_head, read_grey
+from solver.instrument.images import image_files, image_head, read_grey
 from solver.instrument.metadata import read_frames
 from solver.instrument.rig import Rig
 from solver.instrument.rig_json import read_rig
@@ -71,7 +72,7 @@ def open_observations(root: str | Path) -> Observations:
         tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
     listed_frames = [frame for table in tables for frame in read_frames(table)]
     if not tables and names is None:
-        listed_frames = [ImageFrame(path.stem, path) for path in sorted(images.glob("*.png"))]
+        listed_frames = [ImageFrame(path.stem, path) for path in image_files(images)]
     frames = tuple(replace(frame, channel=opened.rig.channel) for frame in listed_frames)
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv, images/*.png)")
@@ -89,10 +90,10 @@ def _check_bit_depth(rest_image: Path, frames: Sequence[ImageFrame]) -> None:
 
     A single frame that differs or cannot be read is reported in its own estimate.
     """
-    bits, depths = png_head(rest_image).bits, set[int]()
+    bits, depths = image_head(rest_image).bits, set[int]()
     for frame in frames[:CHECKED_FRAMES]:
         try:
-            depths.add(png_head(frame.path).bits)
+            depths.add(image_head(frame.path).bits)
         except InputError:
             return
     if bits not in depths:
@@ -110,34 +111,34 @@ def rig_file(path: Path) -> Path:
 def open_rig(path: Path) -> Observations:
     """Open a rig.json, or its folder, with the board views and the rest images.
 
-    These are beside it as calibration/view_*.png and rest/rest_*.png, all of one size. The result
-    has no frames. Raises InputError, and DamageError if an image of a generated tree is missing.
+    These are beside it as calibration/view_* and rest/rest_*, all of one size. The result has no
+    frames. Raises InputError, and DamageError if an image of a generated tree is missing.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
-    patterns, hashes = ("calibration/view_*.png", "rest/rest_*.png"), read_hashes(root)
+    names, hashes = ("calibration/view_", "rest/rest_"), read_hashes(root)
     views, rests = (
         tuple(
-            sorted(root.glob(pattern))
+            image_files(root / name.split("/")[0], name.split("/")[1])
             if hashes is None
-            else [root / name for name in sorted(hashes) if PurePath(name).match(pattern)]
+            else [root / one for one in sorted(hashes) if PurePath(one).match(f"{name}*.png")]
         )
-        for pattern in patterns
+        for name in names
     )
-    for name, paths in zip(patterns, (views, rests), strict=True):
+    for name, paths in zip(names, (views, rests), strict=True):
         if not paths:
-            raise InputError(f"{root}: holds no {name}, at least one is needed")
+            raise InputError(f"{root}: holds no {name}*.png, at least one is needed")
     for image in (*views, *rests):
         if hashes is not None and not image.is_file():
             raise DamageError(f"{image}: is missing; {MEND}")
-    expected = png_head(views[0])
+    expected = image_head(views[0])
     for image in (*views, *rests):
-        size = png_head(image)
+        size = image_head(image)
         if size[:2] != expected[:2]:
             raise InputError(
                 f"{image}: has {size.width} x {size.height} px, allowed is the size of "
                 f"{views[0].name}, {expected.width} x {expected.height} px"
             )
-    depths = {image: png_head(image).bits for image in rests}
+    depths = {image: image_head(image).bits for image in rests}
     for image, bits in depths.items():
         if bits != depths[rests[0]]:
             raise InputError(

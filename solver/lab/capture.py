@@ -4,12 +4,13 @@ import os
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, Protocol
 
 import cv2
 
 from solver.instrument.errors import IncompleteError, InputError
-from solver.instrument.images import to_grey
+from solver.instrument.images import page_count, to_grey
 from solver.lab.shots import Shot
 
 # A video that ends this many frames, and this share of them, before its stated end is cut. Chosen:
@@ -67,6 +68,39 @@ class Video:
             raise IncompleteError(
                 f"{self._name}: ends after {number} of {stated} frames: it is cut or damaged"
             )
+
+
+class Stack:
+    """Source of the images of one file, a film as microscopes store it; its rate is not known."""
+
+    live = False
+    rate = 25.0
+
+    def __init__(self, path: Path, channel: str = "gray") -> None:
+        self._path, self._channel = path, channel
+
+    def __len__(self) -> int:
+        return page_count(self._path)
+
+    def __iter__(self) -> Iterator[Shot]:
+        # OpenCV 5.0 reads a wrong image of a GIF if it is asked for one by its number.
+        whole = self._read(0, len(self)) if self._path.suffix.lower() == ".gif" else None
+        for number in range(len(self)):
+            pages = self._read(number, 1) if whole is None else whole[number : number + 1]
+            grey, fault = None, f"{self._path}: image {number} cannot be decoded"
+            if pages:
+                try:
+                    grey, fault = to_grey(pages[0], str(self._path), self._channel), ""
+                except InputError as error:
+                    fault = str(error)
+            yield Shot(str(number), number, grey, time.perf_counter(), fault=fault)
+
+    def _read(self, start: int, count: int) -> list[Any]:
+        """Read some of the images, in OpenCV's format; none if they cannot be decoded."""
+        try:
+            return list(cv2.imreadmulti(str(self._path), start, count, [], cv2.IMREAD_UNCHANGED)[1])
+        except cv2.error:
+            return []
 
 
 class CameraStream:

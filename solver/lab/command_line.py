@@ -1,7 +1,10 @@
 """The commands of `python -m solver`, and their errors."""
 
+import difflib
+import re
 import sys
 import time
+from collections.abc import Iterator, Sized
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated
@@ -12,12 +15,12 @@ from rich.console import Console
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError
-from solver.instrument.images import png_bytes
+from solver.instrument.images import FORMATS, png_bytes
 from solver.instrument.observation import open_rig, rig_file
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
 from solver.lab.command_end import run_command
-from solver.lab.console import console, setting_up, table, with_progress
+from solver.lab.console import console, reasons, setting_up, table, with_progress
 from solver.lab.controls import controls_of
 from solver.lab.input_options import (
     ChannelOption,
@@ -36,6 +39,7 @@ from solver.lab.outline_command import outline
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.photos_command import photos
 from solver.lab.rigidity_command import rigidity
+from solver.lab.shots import Source
 from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
@@ -70,7 +74,8 @@ def solve(
         bool, typer.Option("--stream", help="print one line of JSON per frame to stdout")
     ] = False,
     overlay: Annotated[
-        Path | None, typer.Option(help="folder, .mp4 or .avi for images with the overlay")
+        Path | None,
+        typer.Option(help="folder, .mp4 or .avi for the overlays, .png for a single one"),
     ] = None,
     channel: ChannelOption = None,
     size: SizeOption = None,
@@ -82,6 +87,7 @@ def solve(
     quiet: Annotated[bool, typer.Option(help="no table, no progress")] = False,
 ) -> None:
     """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
+    _check_command(sources[0])
     function, learn_extractor = find_method(method), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
     observations, source = open_inputs(sources, rig, readings, channel, controls)
@@ -95,6 +101,7 @@ def solve(
     )
     if target:
         prepare_output_path(target)
+    _check_overlay(overlay, source)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
@@ -122,11 +129,34 @@ def solve(
         if target and ordered_rows:
             write(target, csv_text(ordered_rows).encode())
     if target and not (quiet or stream):
-        Console().print(table(ordered_rows, method))
-        Console(soft_wrap=True).print(f"{len(ordered_rows)} estimates in {target}", markup=False)
+        _show(ordered_rows, method, target)
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
         console.print("interrupted: the estimates so far are kept")
         raise typer.Exit(130)
+
+
+def _show(rows: list[Row], method: str, target: Path) -> None:
+    Console().print(table(rows, method))
+    for line in (*reasons(rows), f"{len(rows)} estimates in {target}"):
+        Console(soft_wrap=True).print(line, markup=False)
+
+
+def _check_overlay(overlay: Path | None, source: Source) -> None:
+    """Raise InputError for one image that is to hold the overlays of several."""
+    count = len(source) if isinstance(source, Sized) else 0
+    if overlay and overlay.suffix.lower() in FORMATS and count != 1:
+        raise InputError(
+            f"{overlay}: is a single image, allowed for {count or 'a stream of'} images is a "
+            "folder, or a video such as overlay.mp4"
+        )
+
+
+def _check_command(word: str) -> None:
+    """Raise InputError for a mistyped command, which is taken for an image."""
+    names = [one.callback.__name__ for one in app.registered_commands if one.callback]
+    close = difflib.get_close_matches(word, names, 1)
+    if close and not Path(word).exists():
+        raise InputError(f"'{word}' is neither a command nor a file; did you mean '{close[0]}'?")
 
 
 @app.command()
@@ -155,8 +185,12 @@ def board(
 
 @app.command()
 def snap(
-    source: Annotated[str, typer.Argument(help="a camera, or an image to convert to gray")],
-    out: Annotated[Path, typer.Argument(help="PNG to write, such as rest/rest_00.png")],
+    sources: Annotated[
+        list[str], typer.Argument(help="a camera, or images to convert to gray, one PNG each")
+    ],
+    out: Annotated[
+        Path, typer.Argument(help="PNG to write, such as rest/rest_00.png; others are numbered on")
+    ],
     rig: Annotated[Path | None, typer.Option(help="rig.json whose camera.channel is used")] = None,
     channel: ChannelOption = None,
     size: SizeOption = None,
@@ -167,13 +201,30 @@ def snap(
         typer.Option(min=0, help="number of first frames dropped while the exposure settles"),
     ] = 30,
 ) -> None:
-    """Save one camera image as a gray PNG: of the board, or of the beam at rest."""
+    """Save images as gray PNGs: of the board, or of the beam at rest."""
     used_channel = checked_channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
     controls = controls_of(size, exposure, control or ())
-    frames = open_source([source], channel=used_channel, controls=controls)
-    prepare_output_path(out)
-    shot = next(shot for shot in frames if not frames.live or shot.number >= drop)
-    write(out, png_bytes(shot.grey()))
+    frames = open_source(sources, channel=used_channel, controls=controls)
+    if frames.live:
+        shots = iter([next(shot for shot in frames if shot.number >= drop)])
+    elif len(sources) == 1:
+        shots = iter([next(iter(frames))])
+    else:
+        shots = iter(frames)
+    for path, shot in zip(_numbered(out), shots, strict=False):
+        prepare_output_path(path)
+        write(path, png_bytes(shot.grey()))
+
+
+def _numbered(path: Path) -> Iterator[Path]:
+    """Continue the number at the end of a name: rest_00.png, rest_01.png, ..."""
+    yield path
+    stem, digits = re.fullmatch(r"(.*?)(\d*)", path.stem).groups()  # type: ignore[union-attr]  # always matches
+    width = len(digits) or 2
+    number = int(digits or 0)
+    while True:
+        number += 1
+        yield path.with_stem(f"{stem}{number:0{width}d}")
 
 
 @app.command()

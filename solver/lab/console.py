@@ -1,6 +1,7 @@
 """Terminal output: progress, the latest estimate, a table. All but the table goes to stderr."""
 
 import threading
+from collections import Counter
 from collections.abc import Iterator, Sized
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -89,6 +90,19 @@ def table(rows: list[Row], method: str) -> Table:
         texts = (f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in values)
         rich_table.add_row(escape(printable(name)), *texts)
     return rich_table
+
+
+def reasons(rows: list[Row]) -> list[str]:
+    """Say once why frames have no values, with the number of frames of each reason."""
+    counts: Counter[str] = Counter(
+        printable(sentence(cells))
+        for cells in rows
+        if cells["x_c_mm"] is None and cells["force_n"] is None
+    )
+    return [
+        f"{count} frame{'s' if count > 1 else ''}: {reason}"
+        for reason, count in counts.most_common()
+    ]
 
 
 def short_names(paths: list[str]) -> list[str]:

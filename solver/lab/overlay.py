@@ -11,6 +11,7 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
+from solver.instrument.images import FORMATS
 from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
 from solver.lab.drawing import SHIFT, Colour, Picture, enlarged, mark, place
@@ -137,7 +138,9 @@ def _write(picture: Any, text: str, number: int) -> None:
 
 
 class OverlayWriter:
-    """Writer of pictures, as PNG into a folder or as a video if the path ends in .mp4, .avi, .mkv.
+    """Writer of pictures: into a video, one image, or a folder, as the path's suffix says.
+
+    A folder gets numbered PNGs.
 
     Raises InputError if the path cannot be written.
     """
@@ -146,8 +149,10 @@ class OverlayWriter:
         self._path, self._rate = path, frames_per_second
         self._fourcc = _FOURCC.get(path.suffix.lower())
         self._video: Any = None
+        self._one_image = path.suffix.lower() in FORMATS
+        is_file = self._one_image or self._fourcc
         try:
-            (path.parent if self._fourcc else path).mkdir(parents=True, exist_ok=True)
+            (path.parent if is_file else path).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror})") from error
 
@@ -166,8 +171,9 @@ class OverlayWriter:
     def write(self, picture: Picture, number: int, name: str) -> None:
         """Write one more frame; in a folder, its file name consists of its number and name."""
         if self._fourcc is None:
-            target = self._path / f"{number:06d}_{Path(name).stem}.png"
-            _, data = cv2.imencode(".png", picture)
+            numbered = self._path / f"{number:06d}_{Path(name).stem}.png"
+            target = self._path if self._one_image else numbered
+            _, data = cv2.imencode(target.suffix, picture)
             try:
                 target.write_bytes(bytes(data))
             except OSError as error:

@@ -7,8 +7,9 @@ from typing import Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
+from solver.instrument.images import STACKS, image_files, page_count
 from solver.instrument.metadata import read_frames
-from solver.lab.capture import CameraStream, Video, open_capture
+from solver.lab.capture import CameraStream, Stack, Video, open_capture
 from solver.lab.controls import NO_CONTROLS, Controls, set_controls
 from solver.lab.shots import Files, Source
 
@@ -21,10 +22,11 @@ def open_source(
     channel: str = "gray",
     controls: Controls = NO_CONTROLS,
 ) -> Source:
-    """Open images, or one video, or one camera (its number or address).
+    """Open images, one video, one film in a TIFF or GIF file, or one camera.
 
-    `readings` is a table as in an observations tree, in the folder of the images; `channel` is the
-    channel read from colour images; `controls` are set on a camera. Raises InputError.
+    A camera is named by its number or address. `readings` is a table as in an observations tree, in
+    the folder of the images; `channel` is the channel read from colour images; `controls` are set
+    on a camera. Raises InputError.
     """
     single_name = names[0] if len(names) == 1 else ""
     if single_name.isdecimal() or "://" in single_name or single_name.startswith("/dev/"):
@@ -39,15 +41,12 @@ def open_source(
             raise InputError(f"{single_name}: does not exist")
         return Video(single_name, open_capture(single_name), channel)
     for name in names:
-        if Path(name).is_dir():
-            if list(Path(name).glob("*.png")):
-                raise InputError(f"{name}: is a folder, list its images: {name}/*.png")
-            raise InputError(f"{name}: is a folder without PNG images, allowed are images")
-        if not Path(name).is_file():
-            raise InputError(f"{name}: does not exist")
-        if Path(name).suffix.lower() in VIDEOS:
-            raise InputError(f"{name}: one video at a time")
+        _check_image_file(Path(name))
     paths = [Path(name) for name in names]
+    if len(paths) == 1 and paths[0].suffix.lower() in STACKS and page_count(paths[0]) > 1:
+        if readings is not None:
+            raise InputError(f"{single_name}: is a film, and a table of readings is for images")
+        return Stack(paths[0], channel)
     frames_by_path = (
         {} if readings is None else {f.path.resolve(): f for f in read_frames(readings)}
     )
@@ -62,3 +61,15 @@ def open_source(
             else replace(frame, frame_id=str(path), path=path, channel=channel)
         )
     return Files(frames)
+
+
+def _check_image_file(path: Path) -> None:
+    if path.is_dir():
+        images = image_files(path)
+        if images:
+            raise InputError(f"{path}: is a folder, list its images: {path}/*{images[0].suffix}")
+        raise InputError(f"{path}: is a folder without images, allowed are images")
+    if not path.is_file():
+        raise InputError(f"{path}: does not exist")
+    if path.suffix.lower() in VIDEOS:
+        raise InputError(f"{path}: one video at a time")

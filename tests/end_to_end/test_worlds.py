@@ -9,7 +9,7 @@ import pytest
 from results.pictures.contact_sheet import contact_sheet
 from solver.instrument.arrays import Floats
 from solver.instrument.image_frame import Readings
-from solver.instrument.images import png_head, read_grey
+from solver.instrument.images import image_head, read_grey
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from solver.set_up import set_up
@@ -201,7 +201,7 @@ def test_a_contact_sheet_names_scenes_that_look_alike_below_one_picture(
     text = small_scene.read_text(encoding="utf-8")
     dark.write_text(f"{text}background: {{reflectance: 0.6}}\n", encoding="utf-8")
     contact_sheet([small_scene, small_scene, dark], tmp_path / "sheet.png", variant, quiet)
-    width, height, _ = png_head(tmp_path / "sheet.png")
+    width, height, _ = image_head(tmp_path / "sheet.png")
     assert (width, height) == (4 * (468 + 8), 26 + 120 + 15 + 8)
     sheet = read_grey(tmp_path / "sheet.png")
     assert sheet[26:146, :348].max() > 150  # the beam

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES, read_bytes
-from solver.instrument.images import png_head
+from solver.instrument.images import image_head
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.format_version import migrated_identity, migrated_manifest, version_of
@@ -100,7 +100,7 @@ def dataset_info(root: Path) -> DatasetInfo:
     _count_frames(layout, info)
     image = next(layout.observations.glob("shard_*/*.png"), None)
     if image is not None:
-        head = png_head(image)
+        head = image_head(image)
         info.image = f"{head.width} x {head.height} px, {head.bits} bits"
     info.bytes = sum(
         (Path(folder) / name).lstat().st_size

@@ -13,7 +13,7 @@ import polars as pl
 from solver.instrument.camera import Camera
 from solver.instrument.errors import DamageError, InputError, quoted, truncated
 from solver.instrument.hashes import HASHES, MEND, read_bytes, read_hashes
-from solver.instrument.images import png_head
+from solver.instrument.images import image_head
 from vbaa_bench.dataset.layout import METADATA, Layout, shard_numbers
 from vbaa_bench.dataset.readers import Truth, open_manifest, read_shard
 from vbaa_bench.dataset.splits import split_names
@@ -58,7 +58,7 @@ class Rig:
         images = [path for name, path in self.files() if name.startswith("rest/")]
         if not images:
             raise InputError(f"{self.layout.observations}: holds no rest/rest_*.png")
-        return png_head(images[0]).bits
+        return image_head(images[0]).bits
 
     def image_path(self, shard: int, frame_id: str) -> Path:
         """Return the path of a frame's image."""

@@ -8,7 +8,7 @@ from typing import Final
 
 import trimesh
 
-from solver.instrument.images import CHANNELS, eight_bit, png_head, read_grey
+from solver.instrument.images import CHANNELS, eight_bit, image_head, read_grey
 from tests.robustness.fuzz.damage import damaged
 from tests.robustness.fuzz.pictures import picture
 from vbaa_bench.assembly.mesh_file import KINDS, read_mesh
@@ -43,7 +43,7 @@ class Images:
     def _image(self, chance: random.Random, folder: Path) -> None:
         path = self._written(chance, folder / chance.choice(("a.png", "a.png", "a.jpg", "a.tif")))
         if chance.random() < 0.3:
-            png_head(path)
+            image_head(path)
         eight_bit(read_grey(path, chance.choice(CHANNELS)))
 
     def _surface(self, chance: random.Random, folder: Path) -> None:

@@ -137,6 +137,18 @@ def test_a_view_without_the_board_is_refused(name: str, said: str) -> None:
         calibrate([np.zeros((280, 320), np.uint8)], rig(board))
 
 
+@pytest.mark.parametrize(("columns", "rows"), [(12, 9), (9, 6)])
+def test_another_number_of_corners_is_said(columns: int, rows: int) -> None:
+    board, view = (
+        Chessboard(columns=columns, rows=rows, square=10e-3),
+        np.full((280, 320), 200, np.uint8),
+    )
+    squares = np.indices((9, 12)).sum(axis=0) % 2 == 0
+    view[40:220, 30:270] = np.where(np.kron(squares, np.ones((20, 20))), 30, 200)
+    with pytest.raises(InputError, match="plane C, shows a board of 11 x 8 inner corners, and"):
+        calibrate([view], rig(board))
+
+
 def test_views_of_two_sizes_are_refused() -> None:
     views = [np.zeros((280, 320), np.uint8), np.zeros((280, 300), np.uint8)]
     with pytest.raises(InputError, match="differ in size"):

@@ -7,7 +7,15 @@ import pytest
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.images import eight_bit, png_bytes, png_head, read_grey, to_grey
+from solver.instrument.images import (
+    FORMATS,
+    eight_bit,
+    image_files,
+    image_head,
+    png_bytes,
+    read_grey,
+    to_grey,
+)
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
@@ -20,7 +28,7 @@ def test_gray_values_survive_a_file(tmp_path: Path, bits: int, random: np.random
     back = read_grey(path)
     assert back.dtype == kind
     assert (back == image).all()
-    assert png_head(path) == (41, 30, 8 if bits == 8 else 16)
+    assert image_head(path) == (41, 30, 8 if bits == 8 else 16)
 
 
 def test_the_same_image_gives_the_same_bytes(random: np.random.Generator) -> None:
@@ -99,3 +107,20 @@ def test_the_size_in_the_header_of_any_format_is_checked_before_decoding() -> No
     head = struct.pack("<IIIIiiHHIIiiII", 54, 0, 54, 40, 20_000, 20_000, 1, 24, *[0] * 6)
     with pytest.raises(cv2.error, match="pixels"):  # 1.2 GB in colour
         cv2.imdecode(np.frombuffer(b"BM" + head, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_size_and_depth_of_every_format(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"view_00{suffix}"
+    cv2.imwrite(str(path), np.full((30, 41), 90, np.uint8))
+    (tmp_path / "view_00.txt").write_text("no image")
+    (tmp_path / f"rest_00{suffix}").write_text("another")
+    assert image_head(path) == (41, 30, 8)
+    assert image_files(tmp_path, "view_") == [path]
+
+
+def test_a_film_is_no_image(tmp_path: Path) -> None:
+    path = tmp_path / "film.tif"
+    cv2.imwritemulti(str(path), [np.full((4, 5), one, np.uint8) for one in (1, 2, 3)])
+    with pytest.raises(InputError, match=r"film\.tif: holds 3 images, allowed is one; solve such"):
+        read_grey(path)

@@ -218,6 +218,9 @@ def test_a_mistake_is_one_sentence(command: CommandLine, root: Path, images: lis
     assert ended.err.splitlines()[-1].startswith("error: broken.mp4: cannot be opened")
     Path("blocked").write_text("")
     assert "cannot be written" in command.refused(images[0], *rig, "--overlay", "blocked")
+    refused = command.refused(*images[:2], *rig, "--overlay", "seen.png")
+    assert "seen.png: is a single image, allowed for 2 images is a folder" in refused
+    assert "did you mean 'check'?" in command.refused("chek", *rig)
 
 
 def test_a_bad_image_is_a_row_and_not_the_end(
@@ -345,6 +348,8 @@ def test_an_image_is_kept_in_gray(command: CommandLine, images: list[Path]) -> N
     grey = read_grey(images[0])
     cv2.imwrite("colour.jpg", cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
     assert command("snap", "colour.jpg", "rig/rest/rest_00.png") == (0, "", "")
+    assert command("snap", "colour.jpg", images[1], "rig/view_08.png") == (0, "", "")
+    assert sorted(path.name for path in Path("rig").glob("*.png")) == ["view_08.png", "view_09.png"]
     kept = read_grey(Path("rig/rest/rest_00.png"))
     assert kept.shape == grey.shape
     assert np.abs(kept.astype(int) - grey).mean() < 3

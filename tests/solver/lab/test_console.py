@@ -9,7 +9,7 @@ from rich.console import Console
 
 from solver.instrument.estimate import Estimate, Outcome
 from solver.lab import console
-from solver.lab.console import sentence, setting_up, short_names, table
+from solver.lab.console import reasons, sentence, setting_up, short_names, table
 from solver.lab.table import csv_text, row
 
 
@@ -37,6 +37,15 @@ def test_the_table_shows_short_names_as_they_are() -> None:
     assert "/home" not in text
     for part in ("[red]1.png", "2.png", "no contact", "mine[/x]:f"):
         assert part in text
+
+
+def test_every_reason_is_said_once() -> None:
+    dark = Estimate(Outcome.INVALID, "the image is black")
+    rows = [row(name, dark, 1.0) for name in "abc"] + [row("d", Estimate(Outcome.NO_CONTACT), 1.0)]
+    values = Estimate(Outcome.CONTACT, values={"x_c_m": 0.1, "force_n": 0.2})
+    first, second = reasons([*rows, row("e", values, 1.0)])
+    assert first == "3 frames: invalid: the image is black"
+    assert second.startswith("1 frame: no contact: ")
 
 
 @pytest.mark.thorough

@@ -15,7 +15,7 @@ import pytest
 
 from solver.instrument.errors import IncompleteError, InputError
 from solver.instrument.image_frame import ImageFrame
-from solver.instrument.images import png_bytes
+from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, open_rig
 from solver.lab.capture import CameraStream, Video
@@ -226,11 +226,44 @@ def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:
     assert "none.avi: does not exist" in refused(str(tmp_path / "none.avi"))
     assert "camera 97: cannot be opened" in refused("97")
     assert "a.png: does not exist" in refused("a.png", "b.png")
-    assert "is a folder without PNG images" in refused(str(tmp_path))
+    assert "is a folder without images" in refused(str(tmp_path))
     image = tmp_path / "a.png"
     image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
     assert "is a folder, list its images" in refused(str(tmp_path))
     assert "one video at a time" in refused(str(image), str(broken))
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".gif"])
+def test_every_image_of_a_film_is_a_shot(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"film{suffix}"
+    values = (0, 255, 0)
+    if suffix == ".tif":
+        cv2.imwritemulti(str(path), [np.full((8, 9), one, np.uint16) for one in values])
+    else:
+        film = cv2.Animation()
+        film.frames = [np.full((8, 9, 4), (one, one, one, 255), np.uint8) for one in values]
+        film.durations = [40] * len(values)
+        cv2.imwriteanimation(str(path), film)
+    source = open_source([str(path)])
+    assert len(list(source)) == 3
+    for number, (value, shot) in enumerate(zip(values, source, strict=True)):
+        assert (shot.number, shot.name, shot.fault) == (number, str(number), "")
+        assert np.abs(shot.grey().astype(int) - value).max() <= 5  # GIF has a palette
+    readings = tmp_path / "metadata.csv"
+    readings.write_text("file_name\n")
+    with pytest.raises(InputError, match="is a film, and a table of readings is for images"):
+        open_source([str(path)], readings)
+
+
+def test_a_damaged_film_has_shots_with_a_fault(tmp_path: Path) -> None:
+    path = tmp_path / "film.tif"
+    cv2.imwritemulti(str(path), [np.full((64, 64), one, np.uint8) for one in (1, 2, 3)])
+    data = bytearray(path.read_bytes())
+    data[8:40] = bytes(32)  # pixels of the first image
+    path.write_bytes(data)
+    shots = list(open_source([str(path)]))
+    assert all(shot.image is not None or "film.tif" in shot.fault for shot in shots)
+    assert shots[-1].image is not None
 
 
 def test_only_a_camera_can_be_set(tmp_path: Path) -> None:
@@ -253,6 +286,22 @@ def test_readings_are_found_by_the_images_they_belong_to(dataset: Path) -> None:
     other = next((dataset / "observations" / "rest").glob("*.png"))
     with pytest.raises(InputError, match=r"metadata\.csv: holds no row for rest_00\.png"):
         open_source([str(other)], shard / "metadata.csv")
+
+
+def test_a_rig_and_its_images_may_be_in_other_formats(dataset: Path, tmp_path: Path) -> None:
+    whole = open_observations(dataset / "observations")
+    for folder, paths in (("calibration", whole.board_views), ("rest", whole.rest_images)):
+        (tmp_path / folder).mkdir()
+        for path, suffix in zip(paths, (".bmp", ".tif", *(".jpg",) * len(paths)), strict=False):
+            cv2.imwrite(str(tmp_path / folder / path.with_suffix(suffix).name), read_grey(path))
+    (tmp_path / "images").mkdir()
+    cv2.imwrite(str(tmp_path / "images" / "a.bmp"), read_grey(whole.frames[0].path))
+    shutil.copy(whole.root / "rig.json", tmp_path)
+    opened = open_observations(tmp_path)
+    assert [one.stem for one in opened.board_views] == [one.stem for one in whole.board_views]
+    assert [one.suffix for one in opened.rest_images[:2]] == [".bmp", ".tif"]
+    assert np.array_equal(next(opened.read_rest_images()), next(whole.read_rest_images()))
+    assert [frame.frame_id for frame in opened.frames] == ["a"]
 
 
 def test_a_rig_needs_its_images(dataset: Path, tmp_path: Path) -> None:
