@@ -89,8 +89,10 @@ class Rig:
             if not table.height:  # all its frames have failed
                 return table
             self._check_names(metadata.parent, table["frame_id"])
-            place = {"rig": pl.lit(self.name), "shard": pl.lit(shard), "split": split_names(table)}
-            return table.with_columns(**place).select(*INDEX, pl.exclude(*INDEX))
+            place = table.with_columns(
+                rig=pl.lit(self.name), shard=pl.lit(shard), split=split_names(table)
+            )
+            return place.select(*INDEX, pl.exclude(*INDEX))
         except pl.exceptions.PolarsError as error:
             raise InputError(f"{metadata}: cannot be read ({truncated(str(error))})") from error
 
