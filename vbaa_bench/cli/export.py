@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import typer
-from rich.progress import TaskID
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, DatasetPath, checked_path
 from vbaa_bench.exports.format import FORMATS
-from vbaa_bench.report.console import console, print_result, progress_bars
+from vbaa_bench.report.console import console, print_result, progress_bar, progress_bars
 
 # Metadata that are added to the dataset, and no format of frames.
 _CROISSANT: Final = "croissant"
@@ -88,13 +87,12 @@ def _progress(shown: ExitStack, steps: tuple[str, ...]) -> Callable[[str, int, i
 
     A mistake that is detected earlier has one sentence and no bars.
     """
-    tasks: dict[str, TaskID] = {}
-    bars = progress_bars()
+    bars: dict[str, Callable[[int, int], None]] = {}
 
     def progress(step: str, done: int, total: int) -> None:
-        if not tasks:
-            shown.enter_context(bars)
-            tasks.update({name: bars.add_task(name, total=None) for name in steps})
-        bars.update(tasks[step], completed=done, total=total)
+        if not bars:
+            shown_bars = shown.enter_context(progress_bars())
+            bars.update({name: progress_bar(shown_bars, name) for name in steps})
+        bars[step](done, total)
 
     return progress

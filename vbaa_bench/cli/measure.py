@@ -8,7 +8,7 @@ from rich.progress import TaskID
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, Modules, ScenePath, Variant, Workers
-from vbaa_bench.report.console import console, print_result, progress_bars, show_table
+from vbaa_bench.report.console import console, print_result, progress_bar, progress_bars, show_table
 
 
 def stress(
@@ -50,14 +50,14 @@ def stress(
     folder = work or Path("runs/stress") / scene.stem
     count = workers or cores()
     with progress_bars() as progress:
-        bars = {name: progress.add_task(name, total=None) for name in ("rendering", "solving")}
+        bars = {name: progress_bar(progress, name) for name in ("rendering", "solving")}
         try:
             record = command.stress(
                 plan,
                 folder,
                 choose(variant),
                 count,
-                lambda name, done, total: progress.update(bars[name], completed=done, total=total),
+                lambda name, done, total: bars[name](done, total),
             )
         except KeyboardInterrupt:
             console.print("interrupted; the same command reuses the rendered rigs")

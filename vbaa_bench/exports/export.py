@@ -7,6 +7,7 @@ from pathlib import Path
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes, write_text
 from solver.instrument.hashes import read_bytes
+from vbaa_bench.dataset.lock import writing
 from vbaa_bench.exports.card import card
 from vbaa_bench.exports.check import differences
 from vbaa_bench.exports.format import find_format
@@ -60,25 +61,22 @@ def export(
         "most_bytes": most_bytes,
         "source": source.identity(),
     }
-    try:
-        with export_folder(out, identity) as output:
-            done = 0
-            for part in parts(source, chosen.cut):
-                if part.index >= len(output.records):
-                    output.finish_part(chosen.write_part(output.folder, part))
-                done += part.table.height
-                progress("writing", done, source.frames)
-            _write_rigs(output.folder, source)
-            chosen.finish(output.folder, source, output.records)
-            write_text(output.folder / "README.md", card(source, chosen))
-            errors = differences(
-                chosen, output.folder, source, lambda n: progress("checking", n, source.frames)
-            )
-            if errors:
-                output.forget()
-                raise DamageError(f"{out}: is not what was exported: {'; '.join(errors)}")
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
+    with writing(out), export_folder(out, identity) as output:
+        done = 0
+        for part in parts(source, chosen.cut):
+            if part.index >= len(output.records):
+                output.finish_part(chosen.write_part(output.folder, part))
+            done += part.table.height
+            progress("writing", done, source.frames)
+        _write_rigs(output.folder, source)
+        chosen.finish(output.folder, source, output.records)
+        write_text(output.folder / "README.md", card(source, chosen))
+        errors = differences(
+            chosen, output.folder, source, lambda n: progress("checking", n, source.frames)
+        )
+        if errors:
+            output.forget()
+            raise DamageError(f"{out}: is not what was exported: {'; '.join(errors)}")
     return Export(out, source.splits)
 
 

@@ -168,7 +168,7 @@ def _complete(
     if not holds(layout.rig, rig_json):
         write_bytes(layout.rig, rig_json)
     hashes["observations"][layout.rig.name] = digest(rig_json)
-    record = recorded_metering(layout, inventory)
+    record = recorded_metering(layout, is_intact=layout.metering.name in hashes["truth"])
     missing = MissingFiles(layout, contents, inventory, deaths)
     if record is not None and not (missing.images or missing.shards):
         metering = record.metering

@@ -19,7 +19,6 @@ from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.faults import table_of
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.inventory import Inventory
 from vbaa_bench.render.sample_table import SampleTable
 
 
@@ -53,9 +52,8 @@ class MeteringRecord(NamedTuple):
         return cls(metering, tuple(document["frames"]), dict(document["failed"]))
 
 
-def recorded_metering(layout: Layout, inventory: Inventory) -> MeteringRecord | None:
+def recorded_metering(layout: Layout, *, is_intact: bool) -> MeteringRecord | None:
     """Read the record of a dataset; None if there is none, or it is damaged."""
-    is_intact = layout.metering.name in inventory.whole["truth"]
     if is_intact or _recorded_digest(layout) is None:  # an incomplete dataset has no table yet
         with contextlib.suppress(InputError, KeyError, TypeError, ValueError):
             return MeteringRecord.read(layout.metering)
