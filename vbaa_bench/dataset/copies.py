@@ -8,7 +8,7 @@ from pathlib import Path
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import read_regular, write_bytes
 from solver.instrument.hashes import HASHES, MEND, hashes_bytes, listed, read_bytes, read_hashes
-from vbaa_bench.dataset.faults import file_fault, folder_faults, table_of
+from vbaa_bench.dataset.faults import file_fault, folder_faults, read_hash_table
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import writing
 from vbaa_bench.dataset.readers import check_complete
@@ -66,7 +66,7 @@ def seal_copy(layout: Layout, tables: Mapping[str, Mapping[str, str]]) -> None:
             shard, _, last = name.rpartition("/")
             if shard and last == HASHES:
                 folder = tree / shard
-                faults = [*folder_faults(folder, table_of(folder, recorded))]
+                faults = [*folder_faults(folder, read_hash_table(folder, recorded))]
             else:
                 fault = file_fault(tree / name, recorded)
                 faults = [] if fault is None else [fault]

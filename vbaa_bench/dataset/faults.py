@@ -56,7 +56,7 @@ def file_fault(path: Path, recorded: str) -> Fault | None:
         return Fault(path, DAMAGED, f"cannot be read ({error.strerror})")
 
 
-class Table(NamedTuple):
+class HashTable(NamedTuple):
     """The hashes.json of a folder: its hashes by name, None with a fault; and its own sha256."""
 
     hashes: dict[str, str] | None
@@ -64,24 +64,26 @@ class Table(NamedTuple):
     fault: Fault | None
 
 
-def table_of(folder: Path, recorded: str | None = None) -> Table:
+def read_hash_table(folder: Path, recorded: str | None = None) -> HashTable:
     """Read the hashes.json of a folder, whose sha256 is `recorded` if that is known."""
     path = folder / HASHES
     if folder.is_symlink() or path.is_symlink():
-        return Table(None, "", Fault(path, LINK, "is a link, allowed is what was generated"))
+        return HashTable(None, "", Fault(path, LINK, "is a link, allowed is what was generated"))
     try:
         data = read_regular(path)
     except FileNotFoundError:
-        return Table(None, "", missing(path))
+        return HashTable(None, "", missing(path))
     except OSError as error:
-        return Table(None, "", Fault(path, DAMAGED, f"cannot be read ({error.strerror or error})"))
+        return HashTable(
+            None, "", Fault(path, DAMAGED, f"cannot be read ({error.strerror or error})")
+        )
     hashes = parse_hashes(data)
     if hashes is None or recorded not in (None, digest(data)):
-        return Table(None, "", damaged(path))
-    return Table(hashes, digest(data), None)
+        return HashTable(None, "", damaged(path))
+    return HashTable(hashes, digest(data), None)
 
 
-def folder_faults(folder: Path, table: Table) -> Iterator[Fault]:
+def folder_faults(folder: Path, table: HashTable) -> Iterator[Fault]:
     """Compare all files of a folder without subfolders with its table."""
     if table.hashes is None:
         if table.fault is not None:
@@ -96,7 +98,7 @@ def folder_faults(folder: Path, table: Table) -> Iterator[Fault]:
             yield fault
 
 
-def name_faults(folder: Path, table: Table, names: Collection[str]) -> Iterator[Fault]:
+def name_faults(folder: Path, table: HashTable, names: Collection[str]) -> Iterator[Fault]:
     """Compare the names that a table lists with those that it should list."""
     if table.hashes is not None and table.hashes.keys() != set(names):
         yield damaged(folder / HASHES)

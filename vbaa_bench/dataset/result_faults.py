@@ -15,8 +15,8 @@ from vbaa_bench.dataset.faults import (
     Fault,
     file_fault,
     missing,
+    read_hash_table,
     surplus,
-    table_of,
 )
 from vbaa_bench.dataset.layout import Layout
 
@@ -75,7 +75,7 @@ def result_faults(root: Path, methods: Collection[str]) -> Iterator[Fault]:
 
 def _folder_faults(folder: Path, methods: Collection[str]) -> Iterator[Fault]:
     names = {path.name for path in folder.iterdir()}
-    table = table_of(folder)
+    table = read_hash_table(folder)
     hashes = table.hashes or {}
     ours = {name for name in names if not _is_own(folder, name, methods)} - {HASHES}
     if table.fault is not None and (HASHES in names or ours):

@@ -25,12 +25,12 @@ from vbaa_bench.dataset.faults import (
     UNRECORDED,
     VERSION,
     Fault,
-    Table,
+    HashTable,
     file_fault,
     folder_faults,
     missing,
+    read_hash_table,
     surplus,
-    table_of,
     unlisted_files,
 )
 from vbaa_bench.dataset.format_version import version_of
@@ -83,7 +83,7 @@ def faults(
 
 def _collection_faults(layout: CollectionLayout, rigs: Collection[int]) -> Iterator[Fault]:
     """Compare the tables of a collection with its rigs."""
-    table = table_of(layout.root)
+    table = read_hash_table(layout.root)
     if table.fault is not None:
         yield table.fault
     for path in (layout.scene, layout.table, *_files_of_scene(layout)):
@@ -119,7 +119,7 @@ def _shards(layout: Layout) -> list[int]:
     """List the numbers of all shards that exist or are listed in one of the trees."""
     names = set[str]()
     for tree in layout.trees:
-        names |= (table_of(tree).hashes or {}).keys()
+        names |= (read_hash_table(tree).hashes or {}).keys()
         names |= {path.name for path in tree.iterdir()} if tree.is_dir() else set()
     return shard_numbers(names)
 
@@ -129,7 +129,7 @@ def _dataset_faults(
 ) -> Iterator[Fault]:
     records = _records(layout)
     yield from records.faults
-    tables = {tree: table_of(tree) for tree in layout.trees}
+    tables = {tree: read_hash_table(tree) for tree in layout.trees}
     for tree, table in tables.items():
         yield from _table_faults(layout, tree, table, records.version)
         for name, recorded in sorted((table.hashes or {}).items()):
@@ -146,7 +146,7 @@ def _dataset_faults(
         yield Fault(path, SURPLUS, "was left by an interrupted command")
 
 
-def _table_faults(layout: Layout, tree: Path, table: Table, version: int) -> Iterator[Fault]:
+def _table_faults(layout: Layout, tree: Path, table: HashTable, version: int) -> Iterator[Fault]:
     path = tree / HASHES
     if table.fault is not None and path == layout.hashes and not path.exists():
         yield Fault(path, INCOMPLETE, "is missing, so that the dataset is incomplete or damaged")
@@ -159,7 +159,7 @@ def _table_faults(layout: Layout, tree: Path, table: Table, version: int) -> Ite
             yield Fault(needed, UNRECORDED, "has no recorded sha256")
 
 
-def _surplus(layout: Layout, tree: Path, table: Table, shards: list[int]) -> Iterator[Fault]:
+def _surplus(layout: Layout, tree: Path, table: HashTable, shards: list[int]) -> Iterator[Fault]:
     """Find files of a tree that its table does not list, outside of shards."""
     if table.hashes is None:
         return
@@ -169,7 +169,7 @@ def _surplus(layout: Layout, tree: Path, table: Table, shards: list[int]) -> Ite
 
 
 def _shard_faults(
-    layout: Layout, number: int, tables: dict[Path, Table], counts: Counts
+    layout: Layout, number: int, tables: dict[Path, HashTable], counts: Counts
 ) -> Iterator[Fault]:
     """Compare the files of a shard with its hashes, and its frames in both trees."""
     whole = True
@@ -184,7 +184,7 @@ def _shard_faults(
             whole = False
             yield missing(folder)
             continue
-        table = table_of(folder, recorded)
+        table = read_hash_table(folder, recorded)
         counts.files += len(table.hashes or {})
         for fault in folder_faults(folder, table):
             whole = False

@@ -1,4 +1,4 @@
-"""Inventory of a dataset: the files that its scene asks for, and which of them are intact."""
+"""Inventory of a dataset: the files that its scene requires, and which of them are intact."""
 
 import json
 import shutil
@@ -11,11 +11,11 @@ from solver.instrument.files import read_regular
 from solver.instrument.hashes import HASHES, parse_hashes
 from vbaa_bench.dataset.faults import (
     Fault,
-    Table,
+    HashTable,
     file_fault,
     folder_faults,
     name_faults,
-    table_of,
+    read_hash_table,
     unlisted_files,
 )
 from vbaa_bench.dataset.layout import FAILURES, FILES, METADATA, TRUTH_TABLE, Layout, shard_hashes
@@ -99,10 +99,10 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
             inventory.damage.append(str(fault))
     for number in contents.shards:
         name = shard_hashes(number)
-        digests, faults, tables = dict[str, str](), list[Fault](), dict[str, Table]()
+        digests, faults, tables = dict[str, str](), list[Fault](), dict[str, HashTable]()
         for tree in layout.trees:
             recorded_digest = (recorded[tree.name] or {}).get(name)
-            tables[tree.name] = table_of(layout.shard(tree, number), recorded_digest)
+            tables[tree.name] = read_hash_table(layout.shard(tree, number), recorded_digest)
             digests[tree.name] = tables[tree.name].digest
         failed = failed_frames(layout.shard(layout.truth, number), tables[layout.truth.name])
         for tree in layout.trees:
@@ -121,7 +121,7 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
     return inventory
 
 
-def failed_frames(folder: Path, table: Table) -> dict[str, str] | None:
+def failed_frames(folder: Path, table: HashTable) -> dict[str, str] | None:
     """Read the reasons, by frame id, why frames of a truth shard are missing; None if damaged.
 
     `table` is the shard's hashes.json.
@@ -144,7 +144,7 @@ def open_for_growth(layout: Layout, contents: Contents) -> None:
         (tree / HASHES).unlink(missing_ok=True)
     for number in contents.shards:
         truth = layout.shard(layout.truth, number)
-        failed = failed_frames(truth, table_of(truth)) or {}
+        failed = failed_frames(truth, read_hash_table(truth)) or {}
         for tree in layout.trees:
             folder, names = layout.shard(tree, number), contents.names(tree.name, number, failed)
             if (table := _recorded(folder)) and table.keys() != names:

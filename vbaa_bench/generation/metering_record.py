@@ -16,7 +16,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import digest
 from vbaa_bench.dataset.document import read_json
-from vbaa_bench.dataset.faults import table_of
+from vbaa_bench.dataset.faults import read_hash_table
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.render.sample_table import SampleTable
@@ -76,4 +76,4 @@ def write_metering(layout: Layout, record: MeteringRecord) -> None:
 
 
 def _recorded_digest(layout: Layout) -> str | None:
-    return (table_of(layout.truth).hashes or {}).get(layout.metering.name)
+    return (read_hash_table(layout.truth).hashes or {}).get(layout.metering.name)

@@ -9,7 +9,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.document import read_json
-from vbaa_bench.dataset.faults import SURPLUS, Fault, table_of
+from vbaa_bench.dataset.faults import SURPLUS, Fault, read_hash_table
 from vbaa_bench.dataset.format_version import migrated_identity, migrated_manifest
 from vbaa_bench.dataset.layout import Layout, shard_numbers
 from vbaa_bench.dataset.recorded import write_results
@@ -134,7 +134,7 @@ def _part(layout: Layout, file: SceneFile) -> Part | None:
 
     Raises InputError if no table of hashes lists them, or if they are no part.
     """
-    tables = [table for tree in layout.trees if (table := table_of(tree).hashes) is not None]
+    tables = [table for tree in layout.trees if (table := read_hash_table(tree).hashes) is not None]
     if not tables:
         raise InputError(
             f"{layout.root}: is incomplete; run the command that generates it again to finish it"
