@@ -17,10 +17,10 @@ from vbaa_bench.api.verification import verify
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import Part, generate
 from vbaa_bench.generation.generate_collection import generate_collection
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.workers import machine
 from vbaa_bench.workers import pool as pools
 from vbaa_bench.workers.jobs import SameProcess
 
@@ -71,7 +71,7 @@ def test_rigs_do_not_depend_on_workers_order_count_or_part(
         patch.setattr(pools, "GROWTH_MB", -1.0)
         generate_rigs(two, together, workers=1, variant=variant)
     # The others are generated in this process: the start of another takes longer than a rig.
-    monkeypatch.setattr(generating, "Pool", SameProcess)
+    monkeypatch.setattr(machine, "Pool", SameProcess)
     for number, folder in enumerate(apart):
         generate_collection(load_scene(two), folder, variant, 0, quiet, range(2)[number::2])
     merge(apart, tmp_path / "merged")

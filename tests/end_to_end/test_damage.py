@@ -35,6 +35,7 @@ from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scoring.overlay import antenna_of
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score
+from vbaa_bench.workers import machine
 
 
 def flip(path: Path) -> None:
@@ -52,7 +53,7 @@ DAMAGES: tuple[Callable[[Path], None], ...] = (flip, cut, Path.unlink)
 
 @pytest.fixture
 def restorer(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> type[Restorer]:
-    monkeypatch.setattr(generating, "Pool", Restorer)
+    monkeypatch.setattr(machine, "Pool", Restorer)
     Restorer.source, Restorer.jobs = Layout(dataset), []
     return Restorer
 
@@ -223,7 +224,7 @@ def test_what_the_disk_has_lost_is_not_sealed(
     file = load_scene(small_scene)
     shutil.rmtree(copied.observations / "rest")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(generating, "Pool", Forgetful)
+        patch.setattr(machine, "Pool", Forgetful)
         generate(file, copied.root, variant, 1, quiet)
     with pytest.raises(DamageError, match=r"rest_00\.png: is not what was generated"):
         copy_observations(copied, copied.root / "handed over")

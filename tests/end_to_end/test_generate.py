@@ -25,10 +25,10 @@ from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.target import FAST
-from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.workers import machine
 from vbaa_bench.workers.jobs import SameProcess, WorkerDiedError
 from vbaa_bench.workers.pool import Pool
 
@@ -190,7 +190,7 @@ def test_estimates_agree_with_the_truth(dataset: Path, antenna: Antenna, method:
 def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(generating, "Pool", SameProcess)
+    monkeypatch.setattr(machine, "Pool", SameProcess)
     path = tmp_path / "drawn.yaml"
     text = SMALL_SCENE.replace("[100, 200]", "[150]").replace("[10, 20]", "[20]")
     text = text.replace("views: 6", "views: 4")

@@ -14,12 +14,12 @@ from solver.instrument.errors import InputError
 from tests.command_line import CommandLine
 from vbaa_bench import cli
 from vbaa_bench.dataset.recorded import write_results
-from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.isolation.runs import Job, RunSettings, solve_each
 from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
 from vbaa_bench.scoring.score import found_predictions, score
+from vbaa_bench.workers import machine
 from vbaa_bench.workers.jobs import SameProcess
 
 pytestmark = pytest.mark.thorough
@@ -41,7 +41,7 @@ def runs(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
     layouts = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(generating, "Pool", SameProcess)
+        patch.setattr(machine, "Pool", SameProcess)
         for path in SCENES:
             scene = load_scene(path)
             layouts.append(

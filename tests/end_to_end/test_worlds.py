@@ -19,11 +19,11 @@ from tests.draws import seeded
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.overlay import overlay
 from vbaa_bench.scoring.results_layout import Results
+from vbaa_bench.workers import machine
 from vbaa_bench.workers.jobs import SameProcess
 
 
@@ -46,7 +46,7 @@ def made(tmp_path: Path, variant: str, *changes: tuple[str, str], render: str = 
     path = tmp_path / "scene.yaml"
     path.write_text(seeded(text), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(generating, "Pool", SameProcess)
+        patch.setattr(machine, "Pool", SameProcess)
         return generate(load_scene(path), tmp_path / "data", variant, 0, quiet)
 
 

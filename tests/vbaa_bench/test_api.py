@@ -19,10 +19,10 @@ from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
 from vbaa_bench.assembly.plan import check_scene
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation import generate as generating
 from vbaa_bench.scene.rendering import Layer
 from vbaa_bench.scoring.isolation.runs import Job, MethodRun
 from vbaa_bench.scoring.results_layout import Results
+from vbaa_bench.workers import machine
 from vbaa_bench.workers.jobs import SameProcess
 
 
@@ -32,7 +32,7 @@ def test_examples_run(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     # The start of a worker takes longer than what the examples render.
-    monkeypatch.setattr(generating, "Pool", SameProcess)
+    monkeypatch.setattr(machine, "Pool", SameProcess)
     failed, attempted = doctest.testmod(module)
     assert failed == 0
     assert attempted > 3

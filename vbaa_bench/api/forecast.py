@@ -19,12 +19,12 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.dataset_worker import DatasetWorker
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.generate import Machine
 from vbaa_bench.generation.generate_collection import RigGenerator
 from vbaa_bench.generation.inventory import image_names
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.workers.jobs import Job
+from vbaa_bench.workers.machine import Machine
 from vbaa_bench.workers.pool import GROWTH_MB, Pool
 from vbaa_bench.workers.resources import peak_memory_bytes
 

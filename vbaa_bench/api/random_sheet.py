@@ -10,10 +10,10 @@ from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.frame import rendered_frame
 from vbaa_bench.assembly.plan import accepted_rig
-from vbaa_bench.generation.generate import Machine
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.workers.machine import Machine
 from vbaa_bench.workers.pool import Pool
 
 # Width of a tile, height of its caption and number of columns. Chosen: fits a screen.

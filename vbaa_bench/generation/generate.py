@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from solver.instrument.files import holds, write_bytes
 from solver.instrument.hashes import digest
@@ -23,39 +23,10 @@ from vbaa_bench.generation.missing_files import MissingFiles
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
-from vbaa_bench.workers.cluster import ClusterAddress, ClusterPool
-from vbaa_bench.workers.jobs import SameProcess, Workers
-from vbaa_bench.workers.pool import Pool
-from vbaa_bench.workers.resources import cores
+from vbaa_bench.workers.cluster import ClusterAddress
+from vbaa_bench.workers.machine import Machine
 
 Progress = Callable[[int, int], None]
-
-
-class Machine(NamedTuple):
-    """Mitsuba's variant, the number of worker processes, 0 for none, and of their threads.
-
-    With the address of a `cluster`, its workers take the place of processes of this machine.
-    """
-
-    variant: str
-    workers: int
-    threads: int | None = None
-    cluster: ClusterAddress | None = None
-
-    def pool(
-        self, build: Callable[..., Any], arguments: tuple[Any, ...], remark: Callable[[str], None]
-    ) -> Workers:
-        """Return the processes, each of which builds an object."""
-        if self.cluster is not None:
-            return ClusterPool(self.cluster, build, arguments, remark)
-        return (Pool if self.workers else SameProcess)(self.workers, build, arguments)
-
-    @property
-    def threads_each(self) -> int:
-        """Number of threads of each process; those of a cluster have one."""
-        if self.cluster is not None:
-            return 1
-        return self.threads or max(cores() // max(self.workers, 1), 1)
 
 
 class Part(NamedTuple):

@@ -17,7 +17,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import FolderError, locked, writing
 from vbaa_bench.dataset.scene_files import copy_files, file_digests
 from vbaa_bench.generation.deaths import Deaths, ImageError
-from vbaa_bench.generation.generate import Machine, Progress, generate, ignore
+from vbaa_bench.generation.generate import Progress, generate, ignore
 from vbaa_bench.generation.inventory import image_names
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames
@@ -25,6 +25,7 @@ from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.workers.cluster import ClusterAddress
 from vbaa_bench.workers.jobs import Job, WorkerDiedError
+from vbaa_bench.workers.machine import Machine
 
 
 class RigResult(NamedTuple):

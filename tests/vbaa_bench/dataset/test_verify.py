@@ -28,6 +28,7 @@ from vbaa_bench.generation import generate as generating
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score
+from vbaa_bench.workers import machine
 
 
 @pytest.fixture
@@ -150,7 +151,7 @@ def test_other_folders_are_refused(tmp_path: Path) -> None:
 def test_repair_renders_again_and_names_commands(
     results: Results, dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(generating, "Pool", Restorer)
+    monkeypatch.setattr(machine, "Pool", Restorer)
     Restorer.source, Restorer.jobs = Layout(dataset), []
     layout = results.dataset
     flip(layout.identity)
@@ -243,7 +244,7 @@ def test_a_pipe_in_the_place_of_an_image_is_replaced(
         os.mkfifo(path)
     with pytest.raises(InputError, match=r"is missing|not a regular file"):
         list(map(ImageFrame.image, open_observations(results.dataset.observations)))
-    monkeypatch.setattr(generating, "SameProcess", Restorer)
+    monkeypatch.setattr(machine, "SameProcess", Restorer)
     Restorer.source, Restorer.jobs = Layout(dataset), []
     file = load_scene(small_scene)
     generating.generate(file, results.root, variant, 0, lambda _done, _total: None)

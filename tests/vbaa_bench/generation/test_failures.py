@@ -37,6 +37,7 @@ from vbaa_bench.render.sample_table import Sampled
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.frames import FrameName, Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.workers import machine
 from vbaa_bench.workers.jobs import SameProcess, WorkerDiedError
 from vbaa_bench.workers.pool import Pool
 
@@ -211,7 +212,7 @@ def test_a_frame_that_cannot_be_rendered_is_recorded(
     check_frames(layout, {name.frame_id for name in names(file)} - reasons.keys(), reasons)
     # The record is complete: nothing is rendered again.
     before = digests(layout.root)
-    monkeypatch.setattr(generating, "SameProcess", None)
+    monkeypatch.setattr(machine, "SameProcess", None)
     generate(file, layout.root, variant, 0, quiet)
     assert digests(layout.root) == before
 
@@ -253,7 +254,7 @@ def test_a_dataset_has_one_metering_whatever_happens_to_its_frames(
 def test_an_impossible_push_is_recorded_by_the_command(
     variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(generating, "Pool", SameProcess)
+    monkeypatch.setattr(machine, "Pool", SameProcess)
     path = tmp_path / "tip.yaml"
     nine = SCENE.replace("method: sobol, count: 6", "method: grid, count: 9")
     nine = nine.replace("[3, 6]", "[10, 20]")
