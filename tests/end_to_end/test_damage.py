@@ -289,7 +289,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
     def unreached(*_: object) -> None:
         pytest.fail("it should have been refused before")
 
-    monkeypatch.setattr(generating, "check_scene", unreached)
+    monkeypatch.setattr(generating, "check_possible", unreached)
     monkeypatch.setattr(generating, "true_rig", unreached)
     file = load_scene(small_scene)
 

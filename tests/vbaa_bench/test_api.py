@@ -17,7 +17,7 @@ from tests.draws import scene_seed
 from vbaa_bench.api import frame as frame_module
 from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
-from vbaa_bench.assembly.plan import check_scene
+from vbaa_bench.assembly.plan import check_possible
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.scene.rendering import Layer
 from vbaa_bench.scoring.isolation.runs import Job, MethodRun
@@ -131,7 +131,7 @@ def test_a_scene_in_python_may_draw_values_for_every_push() -> None:
         background={"reflectance": {"uniform": [0.05, 0.1], "per": "push"}},
     )
     assert scene.is_random
-    check_scene(scene, lambda _done, _total: None, pytest.fail)
+    check_possible(scene, lambda _done, _total: None, pytest.fail)
 
 
 def test_named_methods_are_run_and_scored_alone(

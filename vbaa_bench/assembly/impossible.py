@@ -19,7 +19,7 @@ from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.image_files import read_environment, read_surface_image
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.mistakes import Key
+from vbaa_bench.scene.part import KeyPath
 from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 
@@ -159,7 +159,7 @@ def too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
     scene = file.scene
     hub, length = scene.hub.radius_mm, rig.beam.length / MILLIMETRE
     if scene.sampling is not None:
-        key: tuple[Key, ...] = ("sampling", "contact_distance_mm")
+        key: KeyPath = ("sampling", "contact_distance_mm")
         distances = enumerate(scene.sampling.contact_distance_mm)
     else:
         key = ("pushes", "contact_distance_mm")

@@ -66,8 +66,8 @@ def plan(file: SceneFile, *, pushes: Collection[int] | None = None) -> Plan:
     return Plan(rig, tuple(in_order(specs)))
 
 
-def check_scene(file: SceneFile, progress: Progress, remark: Callable[[str], None]) -> None:
-    """Check a scene, with some of its pushes, before anything is rendered.
+def check_possible(file: SceneFile, progress: Progress, remark: Callable[[str], None]) -> None:
+    """Check that a scene is possible, with some of its pushes, before anything is rendered.
 
     Up to CHECKED_PUSHES pushes are solved, evenly spread over all. Further pushes are solved when
     they are rendered. Raises InputError that lists what is impossible: the rig, a push of a grid,

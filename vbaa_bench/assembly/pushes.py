@@ -17,7 +17,7 @@ from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.mistakes import Key
+from vbaa_bench.scene.part import KeyPath
 from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.random_scene import RejectedDrawError, accepted
 from vbaa_bench.scene.rigs import TrueRig
@@ -146,7 +146,7 @@ def solve(
     return mistakes
 
 
-def _key(file: SceneFile, push: Push) -> tuple[Key, ...]:
+def _key(file: SceneFile, push: Push) -> KeyPath:
     """Find the key of the scene file that defines a push."""
     pushes = file.scene.pushes
     if pushes is None:

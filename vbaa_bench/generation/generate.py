@@ -8,7 +8,7 @@ from typing import NamedTuple
 from solver.instrument.files import holds, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.rig_json import rig_to_json
-from vbaa_bench.assembly.plan import check_scene
+from vbaa_bench.assembly.plan import check_possible
 from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.layout import FILES, Layout
@@ -81,7 +81,7 @@ def generate(
             # Check again: another process may have started here before we held the lock.
             state = check_identity(layout, identity)
             if state != "same":
-                check_scene(file, planning, remark)
+                check_possible(file, planning, remark)
             shards = {
                 number: shard
                 for number, shard in enumerate(Frames(file.scene).in_shards())

@@ -14,7 +14,7 @@ SAGITTA = 0.5e-6
 MAX_SIDES = 2048
 
 
-def sides(radius: float, least: int = 128) -> int:
+def side_count(radius: float, least: int = 128) -> int:
     """Compute the number of sides of the polygon for a circle of `radius` [m], a multiple of four.
 
     Its sides are within SAGITTA of the circle, radius (1 - cos(pi / n)), up to MAX_SIDES.

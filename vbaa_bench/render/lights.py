@@ -31,7 +31,7 @@ def _in_mitsubas_types(description: Any) -> Any:
 
 
 def _sheet(lamp: Lamp, glow: dict[str, Any], render_from_antenna: Floats) -> Any:
-    pose = rectangle(lamp, render_from_antenna)
+    pose = rectangle_pose(lamp, render_from_antenna)
     if pose is not None:
         # Mitsuba samples a rectangle as one shape, but two triangles separately.
         to_world = mi.ScalarTransform4f(pose.tolist())
@@ -48,7 +48,7 @@ def _sheet(lamp: Lamp, glow: dict[str, Any], render_from_antenna: Floats) -> Any
     return mesh
 
 
-def rectangle(lamp: Lamp, render_from_antenna: Floats) -> Floats | None:
+def rectangle_pose(lamp: Lamp, render_from_antenna: Floats) -> Floats | None:
     """Compute the pose (4, 4) of a lamp as Mitsuba's rectangle; None if it has another shape.
 
     The rectangle spans -1..1 in x and y and faces +z.

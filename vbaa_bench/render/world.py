@@ -23,7 +23,7 @@ from vbaa_bench.render.affected_pixels import View, pieces
 from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.device_array import device_array
 from vbaa_bench.render.hidden_strip import HiddenStrip
-from vbaa_bench.render.lights import emitter, rectangle
+from vbaa_bench.render.lights import emitter, rectangle_pose
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.optics import Lens, Optics
 from vbaa_bench.render.printed_edges import PrintedEdges
@@ -164,7 +164,7 @@ class World:
         for number, light in enumerate(self.lights):
             pose = None
             if light.sheet is not None:
-                pose = rectangle(light.sheet, self.unit.render_from_antenna)
+                pose = rectangle_pose(light.sheet, self.unit.render_from_antenna)
             strip = None if pose is None else HiddenStrip.of(rings, pose)
             if strip is not None:
                 strips[f"light_{number}"] = strip

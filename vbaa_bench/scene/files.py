@@ -17,11 +17,11 @@ from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import HASHES
 from vbaa_bench.scene.distributions import Choice, From
 from vbaa_bench.scene.families import narrowed, sections
+from vbaa_bench.scene.part import KeyPath
 
 # Longest name, with folders. Chosen: file names can have 255 characters.
 MAX_NAME_LENGTH: Final = 250
 Kind = Literal["mesh", "image", "environment"]
-Key = tuple[str | int, ...]
 # Largest files [bytes], by kind. Derived: the largest number of faces in the most verbose format
 # of meshes; the largest allowed image, 8192 x 8192 px, uncompressed, in single precision and with
 # four channels.
@@ -55,7 +55,7 @@ class SceneFileError(InputError):
 class NamedFile(NamedTuple):
     """A file that a scene names at `key`, and what it must be."""
 
-    key: Key
+    key: KeyPath
     name: str
     kind: Kind
 
@@ -116,7 +116,7 @@ def _parts(annotation: Any) -> Iterator[Any]:
 class Leaf(NamedTuple):
     """A plain value that a scene has or may draw, its key, and the models of its section."""
 
-    key: Key
+    key: KeyPath
     value: Any
     models: Sequence[type[BaseModel]]
 
@@ -135,7 +135,7 @@ def leaves(tree: Mapping[str, Any], model: type[BaseModel]) -> Iterator[Leaf]:
         yield from _Walk(tree).leaves(part, (name,), [model])
 
 
-def _fields(models: Sequence[type[BaseModel]], key: Key) -> list[FieldInfo]:
+def _fields(models: Sequence[type[BaseModel]], key: KeyPath) -> list[FieldInfo]:
     """List the fields of a key, which may be that of an item of a list, in some models."""
     name = next(part for part in reversed(key) if isinstance(part, str))
     return [model.model_fields[name] for model in models if name in model.model_fields]
@@ -149,7 +149,7 @@ class _Walk:
         # Keys that values are computed from, which may be computed from each other in some draws.
         self._followed: set[str] = set()
 
-    def leaves(self, node: Any, key: Key, models: Sequence[type[BaseModel]]) -> Iterator[Leaf]:
+    def leaves(self, node: Any, key: KeyPath, models: Sequence[type[BaseModel]]) -> Iterator[Leaf]:
         """Yield every plain value that a part of a section of these models has or may have."""
         for value in self._options(node):
             if isinstance(value, Mapping):

@@ -20,7 +20,6 @@ from solver.instrument.files import open_regular
 from vbaa_bench.scene.files import NamedFile, named_files
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.mistakes import (
-    Key,
     distribution_mistakes,
     listed_mistakes,
     located_message,
@@ -127,7 +126,7 @@ class SceneFile:
         # Not by dataclasses.replace: a subclass may be built from other arguments.
         return SceneFile(**{one.name: getattr(self, one.name) for one in fields(self)} | changes)
 
-    def message_at(self, key: Sequence[Key], sentence: str) -> str:
+    def message_at(self, key: Sequence[str | int], sentence: str) -> str:
         """Return `file:line:column: key: sentence` for `key`, or for the nearest key above it."""
         return located_message(self.path, self._document, key, sentence)
 

@@ -10,10 +10,9 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from solver.instrument.errors import quoted, truncated
 from vbaa_bench.scene.families import family_of, kind_of, sections
+from vbaa_bench.scene.part import KeyPath
 from vbaa_bench.scene.random_keys import DistributionError
 from vbaa_bench.scene.schema import Scene
-
-Key = str | int
 
 # Chosen: the length of a list of mistakes that a terminal shows.
 MAX_MISTAKES: Final = 20
@@ -39,7 +38,7 @@ RENAMED: Final = {
 
 def listed_mistakes(path: Path, document: Any, errors: Iterable[Any]) -> list[str]:
     """List pydantic's errors in a scene as `file:line:column: key: sentence`."""
-    sentences_by_key: dict[tuple[Key, ...], list[str]] = {}
+    sentences_by_key: dict[KeyPath, list[str]] = {}
     for mistake in errors:
         key, sentence = _mistake(document, mistake)
         sentences = sentences_by_key.setdefault(key, [])
@@ -61,7 +60,7 @@ def listed_mistakes(path: Path, document: Any, errors: Iterable[Any]) -> list[st
     return lines
 
 
-def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
+def _mistake(document: Any, mistake: Any) -> tuple[KeyPath, str]:
     """Return the key of one of pydantic's errors, as in the file, and a sentence."""
     kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
     key = _key_in_file(document, mistake["loc"], missing=kind == "missing")
@@ -97,7 +96,7 @@ def _is_unknown_kind(mistake: Any) -> bool:
     return mistake["type"] == "union_tag_invalid" and family_of(_field(mistake["loc"])) is not None
 
 
-def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
+def _hint(key: Sequence[str | int], location: Sequence[str | int]) -> str:
     """Suggest the key that is meant by an unknown one, or list those of its section."""
     name = str(location[-1])
     section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
@@ -109,9 +108,9 @@ def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
     return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
 
 
-def _key_in_file(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
+def _key_in_file(document: Any, location: Sequence[str | int], *, missing: bool) -> KeyPath:
     """Return the key as in the file, without the model's own intermediate steps."""
-    key: list[Key] = []
+    key: list[str | int] = []
     node = document
     for number, part in enumerate(location):
         is_key = isinstance(node, CommentedMap) and part in node
@@ -124,12 +123,12 @@ def _key_in_file(document: Any, location: Sequence[Key], *, missing: bool) -> tu
     return tuple(key)
 
 
-def _models(location: Sequence[Key]) -> list[type[BaseModel]]:
+def _models(location: Sequence[str | int]) -> list[type[BaseModel]]:
     """List the sections that are allowed at a location of pydantic's, which names their `kind`."""
     return sections(_field(location))
 
 
-def _field(location: Sequence[Key]) -> Any:
+def _field(location: Sequence[str | int]) -> Any:
     """Return the field, or the model, at a location of pydantic's."""
     field: Any = Scene
     for part in location:
@@ -141,7 +140,7 @@ def _field(location: Sequence[Key]) -> Any:
     return field
 
 
-def located_message(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:
+def located_message(path: Path, document: Any, key: Sequence[str | int], sentence: str) -> str:
     """Return `file:line:column: key: sentence` for a key, or for the nearest key above it."""
     line, column = 0, 0
     node = document

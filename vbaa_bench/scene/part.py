@@ -20,6 +20,9 @@ Turn = Annotated[float, Field(ge=-360, le=360)]
 Onset = tuple[Turn, Turn]
 ONSET: Onset = (-10.0, 10.0)
 
+# Place of a value in a scene: names of sections and keys, and numbers of items of lists.
+KeyPath = tuple[str | int, ...]
+
 
 class Part(BaseModel):
     """Section of a scene."""

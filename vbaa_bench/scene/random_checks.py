@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any, Final
 
 from vbaa_bench.scene.distributions import DISTRIBUTIONS, SCALARS, Choice
 from vbaa_bench.scene.mistakes import listed_mistakes
-from vbaa_bench.scene.random_keys import Path, Tree, dotted, nodes, within
+from vbaa_bench.scene.part import KeyPath
+from vbaa_bench.scene.random_keys import Tree, dotted, nodes, within
 from vbaa_bench.scene.random_scene import RejectedDrawError, scene_with
 from vbaa_bench.scene.unit_values import Draw, unit_value
 
@@ -16,7 +17,7 @@ from vbaa_bench.scene.unit_values import Draw, unit_value
 _DRAWS: Final = 8
 
 
-def random_mistakes(path: FilePath, document: Any, tree: Tree) -> list[str]:
+def random_mistakes(path: Path, document: Any, tree: Tree) -> list[str]:
     """List the mistakes in a scene with random keys: those of all draws, then those of extremes.
 
     Values that are not allowed only together with others are no mistake: such draws are rejected.
@@ -68,14 +69,14 @@ def _errors(tree: Tree, numbers: Mapping[str, float]) -> Iterator[dict[str, Any]
             yield {**one, "path": within(tree, one["loc"])}
 
 
-def _extremes(tree: Tree) -> Iterator[tuple[Path, dict[str, float]]]:
+def _extremes(tree: Tree) -> Iterator[tuple[KeyPath, dict[str, float]]]:
     """Yield every random key with the numbers that draw one of its extreme values, or an option."""
     for path, node in nodes(tree):
         for numbers in _extremes_of(node, dotted(path), path):
             yield path, numbers
 
 
-def _extremes_of(node: Any, name: str, path: Path) -> Iterator[dict[str, float]]:
+def _extremes_of(node: Any, name: str, path: KeyPath) -> Iterator[dict[str, float]]:
     if isinstance(node, SCALARS):
         yield {name: 0.0}
         yield {name: 1.0}
@@ -91,7 +92,7 @@ def _extremes_of(node: Any, name: str, path: Path) -> Iterator[dict[str, float]]
             before += weight
 
 
-def _inner(option: Any, name: str, path: Path) -> Iterator[tuple[str, Path, Any]]:
+def _inner(option: Any, name: str, path: KeyPath) -> Iterator[tuple[str, KeyPath, Any]]:
     """Yield the distributions within an option of a choice, with the names of their numbers."""
     if isinstance(option, DISTRIBUTIONS):
         yield f"{name}.choice", path, option

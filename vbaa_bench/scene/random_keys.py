@@ -22,15 +22,14 @@ from vbaa_bench.scene.distributions import (
     elements,
     kind,
 )
-from vbaa_bench.scene.part import Part
+from vbaa_bench.scene.part import KeyPath, Part
 
-Path = tuple[str | int, ...]
 Tree = Any
 # Returns the number from 0 to 1 of a key, for each level to be drawn.
 Units = Mapping[Level, Callable[[str], float]]
 
 # The most often that keys may be drawn: those of the longest prefix count, others are per rig.
-FINEST: Final[dict[Path, Level]] = {
+FINEST: Final[dict[KeyPath, Level]] = {
     ("pushes", "contact_distance_mm"): "push",
     ("pushes", "deflection_pct"): "push",
     ("pushes", "pushing_angle_deg"): "push",
@@ -77,7 +76,7 @@ class RandomKey(Part):
 class DistributionError(Exception):
     """A mistake in a distribution at `path`: a sentence, or an error of pydantic's."""
 
-    def __init__(self, path: Path, reason: Any) -> None:
+    def __init__(self, path: KeyPath, reason: Any) -> None:
         super().__init__(str(reason))
         self.path, self.reason = path, reason
 
@@ -87,7 +86,7 @@ def dotted(path: Sequence[str | int]) -> str:
     return ".".join(map(str, path))
 
 
-def parse(tree: Tree, path: Path = (), parent: Level | None = None) -> Tree:
+def parse(tree: Tree, path: KeyPath = (), parent: Level | None = None) -> Tree:
     """Replace the mappings that state distributions by distributions, each with its level.
 
     Raises DistributionError.
@@ -101,7 +100,7 @@ def parse(tree: Tree, path: Path = (), parent: Level | None = None) -> Tree:
     return tree
 
 
-def _parsed(node: Mapping[str, Any], path: Path, parent: Level | None) -> Tree:
+def _parsed(node: Mapping[str, Any], path: KeyPath, parent: Level | None) -> Tree:
     """Parse one distribution, and those within it."""
     if path[:1] in _FIXED:
         raise DistributionError(path, "cannot be random")
@@ -144,7 +143,7 @@ def _parsed(node: Mapping[str, Any], path: Path, parent: Level | None) -> Tree:
     return distribution
 
 
-def _finest(path: Path) -> Level:
+def _finest(path: KeyPath) -> Level:
     """Return the finest level at which a key may be drawn."""
     if path[-1:] in (("times",), ("plus",)):
         path = path[:-1]
@@ -152,7 +151,7 @@ def _finest(path: Path) -> Level:
     return next((FINEST[prefix] for prefix in prefixes if prefix in FINEST), "rig")
 
 
-def nodes(tree: Tree, path: Path = ()) -> Iterator[tuple[Path, Any]]:
+def nodes(tree: Tree, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
     """Find all distributions of a tree, except those within other distributions."""
     # The most frequent kinds first: tests for pydantic's classes are slow.
     if tree is None or isinstance(tree, _PLAIN):
@@ -181,12 +180,12 @@ def with_random_keys(tree: Tree, keys: Sequence[RandomKey]) -> Tree:
     return tree
 
 
-def path_of(key: str) -> Path:
+def path_of(key: str) -> KeyPath:
     """Split a dotted key; numbers are items of lists."""
     return tuple(int(part) if part.isdigit() else part for part in key.split("."))
 
 
-def replaced(tree: Tree, path: Path, value: Any) -> Tree:
+def replaced(tree: Tree, path: KeyPath, value: Any) -> Tree:
     """Return a tree with another value at `path`, whose sections exist; `tree` is not changed."""
     if not path:
         return value
@@ -197,7 +196,7 @@ def replaced(tree: Tree, path: Path, value: Any) -> Tree:
     return {**tree, first: replaced(tree[first], tuple(rest), value)}
 
 
-def within(tree: Tree, location: Sequence[str | int]) -> Path:
+def within(tree: Tree, location: Sequence[str | int]) -> KeyPath:
     """Return a location of pydantic's as a path in a tree, without the steps of its own.
 
     Below a distribution nothing is left out.

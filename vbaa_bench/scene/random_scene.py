@@ -13,9 +13,9 @@ from pydantic import ValidationError
 
 from solver.instrument.errors import InputError
 from vbaa_bench.scene.distributions import LEVELS, Level
+from vbaa_bench.scene.part import KeyPath
 from vbaa_bench.scene.random_keys import (
     DistributionError,
-    Path,
     RandomKey,
     Tree,
     Units,
@@ -50,7 +50,7 @@ class RejectedDrawError(Exception):
     `errors` are pydantic's, if it has rejected the values.
     """
 
-    def __init__(self, path: Path, reason: str, errors: Sequence[Any] = ()) -> None:
+    def __init__(self, path: KeyPath, reason: str, errors: Sequence[Any] = ()) -> None:
         super().__init__(reason)
         self.path, self.errors = path, errors
 
@@ -137,7 +137,7 @@ def accepted(make: Callable[[int], T], what: str) -> T:
 
 def check_draws(tree: Tree) -> None:
     """Draw many rigs, each with a first push. Raises RejectedDrawError if most are rejected."""
-    rejected: Counter[tuple[Path, str]] = Counter()
+    rejected: Counter[tuple[KeyPath, str]] = Counter()
     for number in range(TRIED):
         try:
             rig_scene(tree, number)

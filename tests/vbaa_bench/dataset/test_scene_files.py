@@ -16,7 +16,7 @@ from tests.conftest import SMALL_SCENE
 from tests.sealing import reseal
 from vbaa_bench.api.verification import verify
 from vbaa_bench.assembly.mesh_file import SceneMeshes
-from vbaa_bench.assembly.plan import check_scene
+from vbaa_bench.assembly.plan import check_possible
 from vbaa_bench.assembly.pushes import Pushes, PushSolver
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.identity import (
@@ -194,7 +194,7 @@ def test_a_file_that_cannot_be_used_is_no_impossible_draw(
     else:
         path.write_bytes(content)
     with pytest.raises(SceneFileError) as caught:
-        check_scene(file, quiet, quiet)
+        check_possible(file, quiet, quiet)
     assert said in str(caught.value)
     assert str(tmp_path / "scene.yaml") in str(caught.value)
 

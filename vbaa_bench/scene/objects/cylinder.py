@@ -7,7 +7,7 @@ from pydantic import Field
 
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.mesh import Mesh
-from vbaa_bench.geometry.solids import arc, prism, sides
+from vbaa_bench.geometry.solids import arc, prism, side_count
 from vbaa_bench.mechanics.surfaces import Line, upright
 from vbaa_bench.scene.objects.object import ObjectSetting, UprightKind
 from vbaa_bench.scene.part import Positive
@@ -33,5 +33,5 @@ def cylinder(radius: float, bottom: float, top: float, sections: int = 128) -> M
 
     A line of vertices passes through the origin.
     """
-    n = sides(radius, sections)
+    n = side_count(radius, sections)
     return prism(arc(radius, 2 * np.pi * np.arange(n) / n), bottom, top)

@@ -8,7 +8,7 @@ from pydantic import Field
 from solver.instrument.errors import InputError
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.mesh import Mesh
-from vbaa_bench.geometry.solids import arc, box, prism, rod, sides, together
+from vbaa_bench.geometry.solids import arc, box, prism, rod, side_count, together
 from vbaa_bench.geometry.tube import tube
 from vbaa_bench.mechanics.surfaces import Line, upright
 from vbaa_bench.scene.objects.object import ObjectSetting, UprightKind
@@ -66,7 +66,7 @@ def plunger(
     front = shoulder - free_length + compression
     # At every compression the stem stays in its bore, and the bore is deep enough for it.
     stem_end, depth = shoulder - 1.1 * free_length, 1.2 * free_length
-    n = sides(nose_radius)
+    n = side_count(nose_radius)
     nose = prism(arc(nose_radius, np.pi * (np.arange(n + 1) / n - 0.5)), bottom, top)
     stem = rod(
         np.array([0.0, shoulder / 2, middle]), np.array([0.0, stem_end, middle]), 0.4 * girth

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.mesh import Mesh, mesh_of
-from vbaa_bench.geometry.solids import sides
+from vbaa_bench.geometry.solids import side_count
 from vbaa_bench.geometry.tube import tube_faces
 from vbaa_bench.mechanics.surfaces import Ball, ball
 from vbaa_bench.scene.objects.object import ObjectSetting, TouchedKind
@@ -35,8 +35,8 @@ class SphereSpec(TouchedKind):
 def sphere(radius: float) -> Mesh:
     """Mesh a sphere with a pole, a vertex, at the origin, finely about that pole."""
     # The rings of latitude shrink towards the pole, and so does the sagitta of their chords.
-    around = sides(radius * np.sin(NEAR) ** 2)
-    fine = int(np.ceil(NEAR * sides(radius) / (2 * np.pi)))
+    around = side_count(radius * np.sin(NEAR) ** 2)
+    fine = int(np.ceil(NEAR * side_count(radius) / (2 * np.pi)))
     polar = np.concatenate(
         [np.linspace(np.pi, NEAR, 64, endpoint=False), np.linspace(NEAR, 0, fine, endpoint=False)]
     )[1:, None]
