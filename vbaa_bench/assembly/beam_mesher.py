@@ -36,7 +36,7 @@ class BeamMesher:
         """Build the mesh in the clamp's frame [m], and the arc length [m] of its vertices."""
         spec, beam = self.scene.beam, self.rig.beam
         line, director = state.centreline, state.director
-        s = _spaced(line[:, 0], line[:, 1:], self._rings)
+        s = _ring_places(line[:, 0], line[:, 1:], self._rings)
         tip = TIPS[spec.tip]
         end = tip.rings(beam.radius * spec.tip_ratio * max(spec.aspect_ratio, 1.0))
         has_rings = len(end.factor) > 0
@@ -111,7 +111,7 @@ def _ring_count(length: float, sharpest: float, tolerance: float) -> int:
     return max(math.ceil(1.5 * chords) + 1, 16)
 
 
-def _spaced(s: Floats, points: Floats, count: int) -> Floats:
+def _ring_places(s: Floats, points: Floats, count: int) -> Floats:
     """Compute arc lengths (count,) of rings on a curve: points (n, 3) at arc lengths `s` (n,).
 
     The density of two in three is proportional to the square root of the curvature; the others
