@@ -6,18 +6,15 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import trimesh
 
-from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.ground import motor_axis, view_of_ground
-from vbaa_bench.assembly.mesh_file import SceneMeshes
+from vbaa_bench.assembly.part_textures import untouched_object
 from vbaa_bench.geometry.clutter import Room, Sector, places, thing
 from vbaa_bench.geometry.solids import together
-from vbaa_bench.geometry.textures import Texture
+from vbaa_bench.geometry.textures import texel_each
 from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.clutter import ClutterSpec
-from vbaa_bench.scene.objects.object import ObjectSetting
 from vbaa_bench.scene.paint import Paint
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
@@ -61,13 +58,6 @@ def clutter_surfaces(
         mesh = together([things[number] for number in chosen])
         texture = texel_each([things[number] for number in chosen], reflectances[chosen])
         yield name, Surface(mesh, 0.0, paint, roughness=_ROUGHNESS, texture=texture)
-
-
-def texel_each(things: list[trimesh.Trimesh], reflectances: Floats) -> Texture:
-    """Give each thing a texel of its own."""
-    centres = (np.arange(len(things)) + 0.5) / len(things)
-    u = np.repeat(centres, [len(mesh.vertices) for mesh in things])
-    return Texture(reflectances[None, :], np.column_stack([u, np.full(len(u), 0.5)]))
 
 
 def _room(scene: Scene, spec: ClutterSpec, rig: TrueRig, folder: Path) -> Room:
@@ -114,6 +104,5 @@ def _object_extent(scene: Scene, rig: TrueRig, folder: Path) -> tuple[float, flo
     """Return how far [m] the object extends away from the beam, and to both sides along it."""
     if not scene.object.present:
         return 0.0, 0.0
-    setting = ObjectSetting(rig.beam.radius, scene.background.height, SceneMeshes(folder))
-    vertices = np.asarray(scene.object.mesh(setting).vertices)
+    vertices = np.asarray(untouched_object(scene, rig, folder).vertices)
     return -float(vertices[:, 1].min()), float(np.abs(vertices[:, 0]).max())

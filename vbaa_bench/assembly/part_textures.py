@@ -1,4 +1,4 @@
-"""Textures of the object and of the beam."""
+"""Textures of the object and of the beam, and the object before it is touched."""
 
 from pathlib import Path
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from solver.instrument.units import MILLIMETRE, PERCENT
 from vbaa_bench.assembly.mesh_file import SceneMeshes
+from vbaa_bench.geometry.mesh import Mesh
 from vbaa_bench.geometry.textures import Grime, Texture, box_mapped, grime_texture
 from vbaa_bench.render.image_files import SceneImages
 from vbaa_bench.scene.objects.object import ObjectSetting, TouchedKind
@@ -13,6 +14,12 @@ from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scene.textures.texture import TextureSetting
+
+
+def untouched_object(scene: Scene, rig: TrueRig, folder: Path) -> Mesh:
+    """Build the mesh [m] of a scene's object before it is touched, in the object's frame."""
+    setting = ObjectSetting(rig.beam.radius, scene.background.height, SceneMeshes(folder))
+    return scene.object.mesh(setting)
 
 
 def object_texture(scene: Scene, rig: TrueRig, folder: Path, pattern_id: int = 0) -> Texture | None:
@@ -24,8 +31,7 @@ def object_texture(scene: Scene, rig: TrueRig, folder: Path, pattern_id: int = 0
     spec = scene.object
     if not isinstance(spec, TouchedKind) or spec.texture is None:
         return None
-    object_setting = ObjectSetting(rig.beam.radius, scene.background.height, SceneMeshes(folder))
-    places = box_mapped(spec.mesh(object_setting))
+    places = box_mapped(untouched_object(scene, rig, folder))
     extent = float(np.ptp(places, axis=0).max())
     random = random_generator(scene, "object texture", pattern_id)
     files = SceneImages(folder)

@@ -8,9 +8,9 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.assembly.clutter import texel_each
 from vbaa_bench.geometry.mesh import Mesh
 from vbaa_bench.geometry.solids import together
+from vbaa_bench.geometry.textures import texel_each
 from vbaa_bench.geometry.tube import tube
 from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.random_streams import random_generator

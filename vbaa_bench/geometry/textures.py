@@ -1,6 +1,7 @@
 """Textures: reflectances that vary over a flat sheet, a body or a beam. Lengths are [m]."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,6 +142,13 @@ def grime_texture(
     shine = np.where(dusty, 0.0, 1 - grime.uneven_gloss * ndtr(gloss))
     half = slice(0, (rows + 1) // 2)
     return Texture(image[half], np.empty((0, 2)), gloss=shine[half], per_mm=1e-3 / length)
+
+
+def texel_each(bodies: Sequence[Mesh], reflectances: Floats) -> Texture:
+    """Give each of several bodies, which are joined to one mesh in this order, its reflectance."""
+    centres = (np.arange(len(bodies)) + 0.5) / len(bodies)
+    u = np.repeat(centres, [len(mesh.vertices) for mesh in bodies])
+    return Texture(reflectances[None, :], np.column_stack([u, np.full(len(u), 0.5)]))
 
 
 def unshared(mesh: Mesh) -> Mesh:

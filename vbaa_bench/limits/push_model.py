@@ -75,7 +75,7 @@ class _Variant:
 
     @property
     def friction(self) -> float:
-        return getattr(self.experiment.scene.object, "friction", 0.0)
+        return self.experiment.scene.object.friction_coefficient()
 
     @property
     def softest(self) -> float:
