@@ -1,4 +1,7 @@
-"""Names of the conditions in which the frames of a dataset differ."""
+"""Names of the conditions in which the frames of a dataset differ.
+
+The command line imports them for its help, without any table.
+"""
 
 from typing import Final
 

@@ -67,18 +67,13 @@ def score_frames(
         .alias("message"),
         last_step=pl.col("step") == pl.col("step").max().over("push_id"),
     )
-    unknown_outcomes = set(joined["outcome"]) - {str(outcome) for outcome in Outcome}
-    if unknown_outcomes:
-        raise InputError(
-            f"{source}: outcome {quoted(min(unknown_outcomes))} is unknown, allowed is one of "
-            f"{', '.join(str(outcome) for outcome in Outcome)}"
-        )
-    unknown = set(joined["assumption"].drop_nulls()) - set(Assumption)
-    if unknown:
-        raise InputError(
-            f"{source}: assumption {quoted(min(unknown))} is unknown, allowed is one of "
-            f"{', '.join(Assumption)}"
-        )
+    for name, allowed in (("outcome", list(Outcome)), ("assumption", list(Assumption))):
+        unknown = set(joined[name].drop_nulls()) - set(allowed)
+        if unknown:
+            raise InputError(
+                f"{source}: {name} {quoted(min(unknown))} is unknown, allowed is one of "
+                f"{', '.join(allowed)}"
+            )
     for name in joined["information"].unique():
         check_information(name, source)
     scored = with_limits(joined, limits).with_columns(**_verdicts(predictions))

@@ -175,6 +175,16 @@ def _having(presence: Presence, columns: Mapping[str, Column]) -> dict[str, Colu
     return {name: column._replace(presence=presence) for name, column in columns.items()}
 
 
+_FLAGS: Final = {
+    "last_step": "this is the last step of its push",
+    "free": "nothing is touched",
+    "failed": "required values are missing or the outcome is wrong",
+    "crashed": "the method crashed or has no prediction",
+    "refused": "the outcome states no values, although something is touched",
+    "rightly_refused": "this refusal, and the assumption that it names, is right",
+    "consistent": "x_c is within three stated sigmas, or a refusal is right",
+}
+
 SCORES: Final = {
     "frame_id": JOINED["frame_id"],
     **_having(Presence.PRESENT, {name: TRUTH[name] for name in CONDITIONS}),
@@ -210,35 +220,10 @@ SCORES: Final = {
         kind=Kind.TEXT,
         presence=Presence.COMPLETE,
     ),
-    "last_step": Column(
-        "whether this is the last step of its push", kind=Kind.FLAG, presence=Presence.COMPLETE
-    ),
-    "free": Column("whether nothing is touched", kind=Kind.FLAG, presence=Presence.COMPLETE),
-    "failed": Column(
-        "whether required values are missing or the outcome is wrong",
-        kind=Kind.FLAG,
-        presence=Presence.COMPLETE,
-    ),
-    "crashed": Column(
-        "whether the method crashed or has no prediction",
-        kind=Kind.FLAG,
-        presence=Presence.COMPLETE,
-    ),
-    "refused": Column(
-        "whether the outcome states no values, although something is touched",
-        kind=Kind.FLAG,
-        presence=Presence.COMPLETE,
-    ),
-    "rightly_refused": Column(
-        "whether this refusal, and the assumption that it names, is right",
-        kind=Kind.FLAG,
-        presence=Presence.COMPLETE,
-    ),
-    "consistent": Column(
-        "whether x_c is within three stated sigmas, or a refusal is right",
-        kind=Kind.FLAG,
-        presence=Presence.COMPLETE,
-    ),
+    **{
+        name: Column(f"whether {meaning}", kind=Kind.FLAG, presence=Presence.COMPLETE)
+        for name, meaning in _FLAGS.items()
+    },
     "rig": Column("number of the rig; absent for a single dataset", kind=Kind.INTEGER),
     f"{FACTOR_PREFIX}*": Column(
         "value of a factor in which rigs or frames differ; absent for a single dataset",

@@ -90,7 +90,8 @@ class Statistic:
 
     Only frames that meet `where` count. The value is null if no frame counts, and unless the frames
     together meet `defined`. It is divided by the statistic `over`, and null if that is zero.
-    `in_percent` multiplies it by 100. `null` says in the data dictionary when it is null.
+    `in_percent` multiplies it by 100. `null` says in the data dictionary when it is null, and
+    `heading` what is above it in tables.
     """
 
     meaning: str
