@@ -223,11 +223,11 @@ def _unit_and_sign(scores: pl.DataFrame, quantity: ScoredQuantity) -> Iterator[F
         return
     ratio = MEDIAN.of(ratios)
     unit = _UNITS.get(quantity.unit)
-    mistakes = {1.0: unit} if unit is None else {1.0: unit, **factors(unit)}
+    wrong = {} if unit is None else factors(unit)
     if not ratio:
         yield Finding("note", f"{quantity.column} is 0 in most frames")
         return
-    factor = min(mistakes, key=lambda value: abs(math.log(abs(ratio) / value)))
+    factor = min((1.0, *wrong), key=lambda value: abs(math.log(abs(ratio) / value)))
     distance = math.exp(abs(math.log(abs(ratio) / factor)))
     head = f"{quantity.column} is {ratio:.3g} times its true value in the median"
     if ratio < 0:
@@ -237,7 +237,7 @@ def _unit_and_sign(scores: pl.DataFrame, quantity: ScoredQuantity) -> Iterator[F
         if same > 0.9:
             yield Finding("wrong", f"{head}: its sign is reversed; {where}")
     if factor != 1 and distance < NEAR:
-        yield Finding("wrong", f"{head}: it seems to be in {mistakes[factor]} instead of {unit}")
+        yield Finding("wrong", f"{head}: it seems to be in {wrong[factor]} instead of {unit}")
     elif distance > NEAR:
         yield Finding("wrong", f"{head}: is it in the unit and of the place that it should be?")
 

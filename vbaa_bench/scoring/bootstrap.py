@@ -15,6 +15,7 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 
+# Chosen: the limits of an interval then scatter by a few per cent of its width.
 DRAWS: Final = 1000
 # Of a share, of which a draw costs little.
 _SHARE_DRAWS: Final = 2000

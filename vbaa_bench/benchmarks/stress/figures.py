@@ -73,8 +73,7 @@ def _frame_rows(frames: Sequence[FrameResult]) -> Floats:
 def _of(reduction: Reduction, values: Floats) -> float:
     """Reduce the values that are not missing; NaN if there is none."""
     known = values[~np.isnan(values)]
-    value = reduction.of(known) if len(known) else None
-    return np.nan if value is None else value
+    return reduction.of(known) if len(known) else np.nan
 
 
 _FIGURES: Final[dict[str, Callable[[Floats], float]]] = {

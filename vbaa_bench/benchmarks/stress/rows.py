@@ -55,7 +55,7 @@ class Row:
 def _usable(answered: float | None = None, rmse: float | None = None) -> Targets:
     """Return the targets for images that a solver must handle: consistent, and without alarm.
 
-    Consistent is 95 % within 3 sigma with sigmas up to twice the error (the issue's own figures).
+    Consistent is 95 % within 3 sigma, with sigmas up to twice the error. From the requirement.
     Alarms at 3 sigma occur by chance: one in 370 for each of a handful of tests.
     """
     return Targets(answered, rmse, consistent=95, sigma_ratio=2, alarmed=5)
