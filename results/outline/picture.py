@@ -8,8 +8,7 @@ import numpy as np
 from results.outline.measure import Reconstruction
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MICRO, MILLIMETRE
-from vbaa_bench.report.axes import Axis
-from vbaa_bench.report.drawing import Margins, Plot, chart_png
+from vbaa_bench.report.chart import Axis, Margins, Plot, chart_png
 
 # Scale of the ellipses in the picture: they are too small to be seen.
 ENLARGED: Final = 5

@@ -9,8 +9,7 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.files import write_bytes
-from vbaa_bench.report.axes import log_axis
-from vbaa_bench.report.drawing import Margins, Plot, chart_png
+from vbaa_bench.report.chart import Margins, Plot, chart_png, log_axis
 
 # Error of the image, over the beam's peak radiance, at which seconds are compared.
 TARGET: Final = 0.005

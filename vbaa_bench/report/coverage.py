@@ -8,8 +8,7 @@ import polars as pl
 from markupsafe import Markup
 from scipy.special import ndtr, ndtri
 
-from vbaa_bench.report.axes import Axis
-from vbaa_bench.report.drawing import Plot
+from vbaa_bench.report.chart import Axis, Plot
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
 from vbaa_bench.scoring.scored_quantities import COVERAGE, SCORED_QUANTITIES

@@ -16,7 +16,7 @@ from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.report import gallery
 from vbaa_bench.report.budget import read_budget
 from vbaa_bench.report.changes import changes_since
-from vbaa_bench.report.drawing import chart_png
+from vbaa_bench.report.chart import chart_png
 from vbaa_bench.report.page import Contents, page
 from vbaa_bench.report.views import by_error
 from vbaa_bench.report.worst import Row

@@ -8,8 +8,7 @@ import polars as pl
 from markupsafe import Markup
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.report.axes import Axis, log_axis, signed_axis
-from vbaa_bench.report.drawing import Margins, Plot
+from vbaa_bench.report.chart import Axis, Margins, Plot, log_axis, signed_axis
 from vbaa_bench.report.numbers import short, signed
 from vbaa_bench.scoring.statistics import MEDIAN, P05, P95
 from vbaa_bench.scoring.strata import Stratum

@@ -10,8 +10,7 @@ from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.report.axes import Axis, log_axis
-from vbaa_bench.report.drawing import Margins, Plot
+from vbaa_bench.report.chart import Axis, Margins, Plot, log_axis
 from vbaa_bench.report.method_statistics import MethodStatistics
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style

@@ -5,7 +5,7 @@ import functools
 import jinja2
 
 from vbaa_bench.report import numbers
-from vbaa_bench.report.drawing import key
+from vbaa_bench.report.chart import key
 
 
 @functools.cache

@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 
 from solver.instrument.arrays import Floats
 from solver.instrument.centreline import Flag
-from vbaa_bench.report.drawing import element
+from vbaa_bench.report.chart import element
 from vbaa_bench.report.gallery import display, webp_uri
 from vbaa_bench.report.numbers import short, signed
 from vbaa_bench.scoring.overlay import Overlay

@@ -5,6 +5,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,6 +79,14 @@ class SolverResult:
     sigma: float | None = None
 
 
+class Solution(NamedTuple):
+    """Findings of `check` by name, why `set_up` refused ("" if not), and answers by frame."""
+
+    findings: tuple[str, ...]
+    refusal: str
+    answers: Mapping[str, SolverResult]
+
+
 def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> RigResult:
     """Perturb the dataset at `root`, rig `number`, and solve it in the ordinary way.
 
@@ -113,13 +122,8 @@ def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> Rig
     )
 
 
-def solve_observations(
-    observations: Path, method: str
-) -> tuple[tuple[str, ...], str, Mapping[str, SolverResult]]:
-    """Solve observations; return findings of `check`, why `set_up` refused ("" if not), answers.
-
-    Findings are given by name, answers by frame.
-    """
+def solve_observations(observations: Path, method: str) -> Solution:
+    """Check and solve observations with a method of the solver."""
     try:
         opened = open_observations(observations)
         antenna = set_up(opened)
@@ -127,21 +131,18 @@ def solve_observations(
             finding.name for finding in getattr(calibration_report(antenna), "findings", ())
         )
     except InputError as error:
-        return (), str(error), {}
+        return Solution((), str(error), {})
     except Exception as error:  # noqa: BLE001 - a traceback of set_up is a result of this test
         message = f"{type(error).__name__}: {error}"
-        return (
-            (),
-            message,
-            dict.fromkeys(_frame_ids(observations), SolverResult(Outcome.CRASHED, message)),
-        )
+        crashed = SolverResult(Outcome.CRASHED, message)
+        return Solution((), message, dict.fromkeys(_frame_ids(observations), crashed))
     tracker = PushTracker(antenna, METHODS[method])
     answers = {}
     for shot in Files(opened.frames):
         result = tracker.solve(shot.grey(), shot.readings, shot.push_id)
         points = 0 if result.line is None else len(result.line.points)
         answers[shot.name] = _answer(result.estimate, points)
-    return findings, "", answers
+    return Solution(findings, "", answers)
 
 
 def score_frame(

@@ -3,8 +3,7 @@
 import cv2
 import numpy as np
 
-from vbaa_bench.report.axes import Axis
-from vbaa_bench.report.drawing import Plot, chart_png
+from vbaa_bench.report.chart import Axis, Plot, chart_png
 
 
 def test_a_chart_is_opaque_and_in_its_colours() -> None:
