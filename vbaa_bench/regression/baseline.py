@@ -24,7 +24,6 @@ from vbaa_bench.regression.scored_run import PARAMETERS, PLACE, RESULTS, TEXTS, 
 # Version of the format.
 _FORMAT: Final = 1
 _FIRST: Final = "first baseline"
-_INTEGERS: Final = PLACE
 _STRINGS: Final = (*TEXTS, "outcome")
 
 
@@ -149,7 +148,7 @@ def versions(baseline: Baseline) -> list[Version]:
 
 
 _KINDS: Final = {
-    name: Kind.INTEGER if name in _INTEGERS else Kind.TEXT if name in _STRINGS else Kind.NUMBER
+    name: Kind.INTEGER if name in PLACE else Kind.TEXT if name in _STRINGS else Kind.NUMBER
     for name in (*PLACE, *PARAMETERS, *RESULTS)
 } | {"method": Kind.TEXT}
 _SCHEMA: Final = Schema(

@@ -88,12 +88,12 @@ def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]
     scored: list[pl.DataFrame] = []
     for number, layout in CollectionLayout(root).rigs().items():
         results, truth = Results(layout.root), open_truth(layout.truth, centrelines=False)
-        limits = scored_limits(layout)
+        true, limits = true_frames(truth), scored_limits(layout)
         columns = factor_columns(truth)
         for name, path in found_predictions(results).items():
             if names is None or name in names:
                 table = checked_predictions(parsed(read_file(path), path), str(path))
-                rows = score_frames(truth, table, name, str(path), limits)
+                rows = score_frames(truth, table, name, str(path), limits, true)
                 rows = rows.join(columns, on="frame_id", how="left")
                 scored.append(rows.with_columns(rig=pl.lit(number), **rig_factors(truth)))
     if not scored:
