@@ -81,9 +81,6 @@ class Heading(NamedTuple):
     scores: str = ""
 
 
-_NONE: Final = Heading()
-
-
 @dataclass(frozen=True, eq=False)
 class Statistic:
     """Statistic of frames; `term` is null for a frame that does not count.
@@ -102,7 +99,11 @@ class Statistic:
     over: "Statistic | None" = None
     in_percent: bool = False
     null: str = ""
-    heading: Heading = _NONE
+    heading: Heading = Heading()  # noqa: RUF009  (a named tuple cannot change)
+
+    def headed(self, table: str = "", report: str = "", scores: str = "") -> "Statistic":
+        """Return the statistic with these headings, see `Heading`."""
+        return replace(self, heading=Heading(table, report, scores))
 
     def of(self, rows: pl.DataFrame) -> float | None:
         """Compute the statistic of rows of the scores."""
@@ -257,39 +258,43 @@ MAY_BE_CONSISTENT: Final = (
 )
 
 
-def _rms(
-    column: str, meaning: str, where: pl.Expr | None = None, heading: Heading = _NONE
-) -> Statistic:
-    meaning = f"root mean square {meaning}"
-    return Statistic(meaning, RMS, pl.col(column), where, heading=heading)
+def _rms(column: str, meaning: str, where: pl.Expr | None = None) -> Statistic:
+    return Statistic(f"root mean square {meaning}", RMS, pl.col(column), where)
 
 
-def _median(column: str, meaning: str, heading: Heading = _NONE) -> Statistic:
-    return Statistic(f"median absolute {meaning}", MEDIAN, pl.col(column).abs(), heading=heading)
+def _median(column: str, meaning: str) -> Statistic:
+    return Statistic(f"median absolute {meaning}", MEDIAN, pl.col(column).abs())
 
 
-# Figures over information limits with a heading.
+def _stated(quantity: ScoredQuantity, figure: str) -> Statistic:
+    return error_statistics(quantity)[figure]
+
+
 _OVER_LIMIT: Final = {
-    "x_c_bias_over_limit": Heading("x_c bias / bound"),
-    "x_c_rmse_over_limit": Heading("x_c RMSE / bound", report="RMSE over limit"),
-    "force_rmse_over_limit": Heading("force RMSE / bound"),
-    "psi_rmse_over_limit": Heading("psi RMSE / bound"),
-    "compliance_rmse_over_limit": Heading("1/k RMSE / bound"),
+    f"{quantity.name}_{figure}": _stated(quantity, figure)
+    for quantity in LIMITED
+    for figure in ("bias_over_limit", "rmse_over_limit")
+}
+# Those with a heading.
+_OVER_LIMIT_HEADED: Final = {
+    "x_c_bias_over_limit": ("x_c bias / bound",),
+    "x_c_rmse_over_limit": ("x_c RMSE / bound", "RMSE over limit"),
+    "force_rmse_over_limit": ("force RMSE / bound",),
+    "psi_rmse_over_limit": ("psi RMSE / bound",),
+    "compliance_rmse_over_limit": ("1/k RMSE / bound",),
 }
 # RMSEs of the computed scores that have a heading.
 ADDED: Final = {
-    name.replace("_error", "_rmse"): _rms(
-        name, score.column.meaning, heading=Heading(score.heading, report=score.heading)
+    name.replace("_error", "_rmse"): _rms(name, score.column.meaning).headed(
+        score.heading, score.heading
     )
     for name, score in COMPUTED.items()
     if score.heading
 }
 # The figures of a method in the summary, of all its frames.
 SUMMARY: Final = {
-    "x_c_rmse_pct_L": _rms(
-        "x_c_error_pct_L",
-        "error of the contact distance",
-        heading=Heading("x_c RMSE, % of L", report="RMSE", scores="x_c RMSE, % of L"),
+    "x_c_rmse_pct_L": _rms("x_c_error_pct_L", "error of the contact distance").headed(
+        "x_c RMSE, % of L", "RMSE", "x_c RMSE, % of L"
     ),
     # Null for a method that estimates only forces.
     "x_c_rmse_all_pct_L": Statistic(
@@ -298,35 +303,26 @@ SUMMARY: Final = {
         _X_C_PCT.fill_null(_FAILURE_ERROR_PCT_L),
         where=_TOUCHED & ~pl.col("rightly_refused"),
         defined=_X_C_PCT.is_not_null().any() | pl.col("force_error_n").is_null().all(),
-        heading=Heading("failures as L/2", "RMSE, failures as L/2", "failures as L/2"),
+    ).headed("failures as L/2", "RMSE, failures as L/2", "failures as L/2"),
+    "x_c_median_abs_pct_L": _median("x_c_error_pct_L", "error of the contact distance").headed(
+        "median", "median |error| of x_c, % of L", "x_c median |e|, % of L"
     ),
-    "x_c_median_abs_pct_L": _median(
-        "x_c_error_pct_L",
-        "error of the contact distance",
-        Heading("median", "median |error| of x_c, % of L", "x_c median |e|, % of L"),
-    ),
-    "x_c_p95_abs_pct_L": Statistic(
-        "95th percentile of this error",
-        P95,
-        _X_C_PCT.abs(),
-        heading=Heading(report="95th percentile"),
+    "x_c_p95_abs_pct_L": Statistic("95th percentile of this error", P95, _X_C_PCT.abs()).headed(
+        report="95th percentile"
     ),
     "s_c_rmse_pct_L": _rms("s_c_error_pct_L", "error of the contact arc length"),
     "force_rmse_pct": _rms(
         "force_error_pct",
         "error of the force, relative to its true value",
-        heading=Heading("force, %", "force RMSE, %", "force RMSE, %"),
-    ),
+    ).headed("force, %", "force RMSE, %", "force RMSE, %"),
     "force_median_abs_pct": _median("force_error_pct", "error of the force"),
     "f_rmse_pct": _rms("f_error_pct", "error of the force's component in plane D"),
     "theta_c_rmse_deg": _rms("theta_c_error_deg", "error of the slope at the contact"),
     "second_s_c_rmse_pct_L": _rms(
-        "second_s_c_error_pct_L",
-        "error of the second arc length",
-        heading=Heading("second s_c RMSE, % of L"),
-    ),
-    "second_force_rmse_pct": _rms(
-        "second_force_error_pct", "error of the second force", heading=Heading("second force, %")
+        "second_s_c_error_pct_L", "error of the second arc length"
+    ).headed("second s_c RMSE, % of L"),
+    "second_force_rmse_pct": _rms("second_force_error_pct", "error of the second force").headed(
+        "second force, %"
     ),
     # Both are null for a method that never states a second contact.
     "second_detection_rate": Statistic(
@@ -343,25 +339,21 @@ SUMMARY: Final = {
         where=~_SECOND_TRUE,
         defined=_SECOND_STATED.any(),
     ),
-    "psi_rmse_deg": _rms(
-        "psi_error_deg",
-        "error of the plane of bending",
-        heading=Heading("psi, deg", report="psi RMSE, deg"),
+    "psi_rmse_deg": _rms("psi_error_deg", "error of the plane of bending").headed(
+        "psi, deg", "psi RMSE, deg"
     ),
     "psi_median_abs_deg": _median("psi_error_deg", "error of the plane of bending"),
     "motor_angle_rmse_deg": _rms("motor_angle_error_deg", "error of the motor angle"),
     "compliance_rmse_pct": _rms(
         "compliance_error_pct",
         "error of 1/k_s, relative to its true value",
-        heading=Heading(report="1/k_s RMSE, %"),
-    ),
+    ).headed(report="1/k_s RMSE, %"),
     "compliance_median_abs_pct": _median("compliance_error_pct", "error of 1/k_s"),
     "compliance_last_rmse_pct": _rms(
         "compliance_error_pct",
         "error of 1/k_s at the end of a push",
         pl.col("last_step"),
-        Heading("1/k at end of push, %"),
-    ),
+    ).headed("1/k at end of push, %"),
     "compliance_rigid_rmse_mm_per_n": _rms(
         "compliance_error_mm_per_n", "error of 1/k_s of rigid objects", _RIGID
     ),
@@ -369,8 +361,7 @@ SUMMARY: Final = {
         "compliance_error_mm_per_n",
         "error of 1/k_s of rigid objects at the end of a push",
         _RIGID & pl.col("last_step"),
-        Heading("1/k at end, rigid, mm/N"),
-    ),
+    ).headed("1/k at end, rigid, mm/N"),
     "contact_antenna_rmse_mm": _rms(
         "contact_antenna_vector_error_mm", "error of the contact in Sigma_a"
     ),
@@ -378,18 +369,13 @@ SUMMARY: Final = {
         "contact_world_vector_error_mm", "error of the contact in Sigma_o"
     ),
     "force_vector_rmse_n": _rms("force_vector_error_n", "error of the force as a vector"),
-    **{
-        figure: replace(error_statistics(quantity)[name], heading=_OVER_LIMIT.get(figure, _NONE))
-        for quantity in LIMITED
-        for name in ("bias_over_limit", "rmse_over_limit")
-        for figure in [f"{quantity.name}_{name}"]
-    },
+    **_OVER_LIMIT,
+    **{name: _OVER_LIMIT[name].headed(*heads) for name, heads in _OVER_LIMIT_HEADED.items()},
     "failure_rate": Statistic(
         "share of frames without the required values, or with a wrong outcome",
         MEAN,
         pl.col("failed"),
-        heading=Heading(scores="failed, %"),
-    ),
+    ).headed(scores="failed, %"),
     "refused_rate": Statistic("share of frames refused", MEAN, pl.col("refused")),
     "rightly_refused_rate": Statistic(
         "share of frames refused rightly", MEAN, pl.col("rightly_refused")
@@ -415,24 +401,17 @@ SUMMARY: Final = {
         where=_TOUCHED & (pl.col("snr") >= THRESHOLDS.sure_snr),
     ),
     "ms_per_frame_median": Statistic(
-        "median time from the image in memory to the estimate",
-        MEDIAN,
-        _TIME,
-        heading=Heading("ms", "ms per frame", "ms / frame"),
-    ),
+        "median time from the image in memory to the estimate", MEDIAN, _TIME
+    ).headed("ms", "ms per frame", "ms / frame"),
     "ms_per_frame_p05": TIMES["ms_p05"],
     "ms_per_frame_p95": TIMES["ms_p95"],
-    "n": Statistic("frames", COUNT, _FRAME, heading=Heading(scores="n")),
+    "n": Statistic("frames", COUNT, _FRAME).headed(scores="n"),
     **ADDED,
 }
 
 
 def _in_percent(one: Statistic, heading: str) -> Statistic:
-    return replace(one, in_percent=True, heading=Heading(heading))
-
-
-def _stated(quantity: ScoredQuantity, figure: str) -> Statistic:
-    return error_statistics(quantity)[figure]
+    return replace(one, in_percent=True).headed(heading)
 
 
 # Further figures of a method in the table of accuracy.
@@ -446,11 +425,9 @@ TABLE: Final = {
     "second_s_c_within_3_sigma_pct": _in_percent(
         _stated(SECOND_S_C, "within_3_sigma"), "second s_c in 3 sigma, %"
     ),
-    "x_c_sigma_over_rmse": replace(
-        _stated(X_C, "sigma_over_rmse"), heading=Heading("sigma / RMSE")
-    ),
-    "second_s_c_sigma_over_rmse": replace(
-        _stated(SECOND_S_C, "sigma_over_rmse"), heading=Heading("second sigma / RMSE")
+    "x_c_sigma_over_rmse": _stated(X_C, "sigma_over_rmse").headed("sigma / RMSE"),
+    "second_s_c_sigma_over_rmse": _stated(SECOND_S_C, "sigma_over_rmse").headed(
+        "second sigma / RMSE"
     ),
     "x_c_coverage_95_pct": _in_percent(_stated(X_C, "coverage_95"), "x_c in 1.96 sigma, %"),
     "x_c_efficiency_pct": _in_percent(_EFFICIENCY, "information used, %"),
@@ -486,14 +463,11 @@ REPORTED: Final = {
 # The figures of the report's table of scores, in the order of its columns.
 REPORT_TABLE: Final = {
     "median": SUMMARY["x_c_median_abs_pct_L"],
-    "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT, heading=Heading(report="bias")),
+    "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT).headed(report="bias"),
     "rmse": SUMMARY["x_c_rmse_pct_L"],
     "p95": SUMMARY["x_c_p95_abs_pct_L"],
-    "worst": Statistic(
-        "largest absolute error of x_c",
-        LARGEST,
-        _X_C_PCT.abs(),
-        heading=Heading(report="worst frame"),
+    "worst": Statistic("largest absolute error of x_c", LARGEST, _X_C_PCT.abs()).headed(
+        report="worst frame"
     ),
     "rmse_all": SUMMARY["x_c_rmse_all_pct_L"],
     "rmse_over_limit": SUMMARY["x_c_rmse_over_limit"],
@@ -507,35 +481,19 @@ REPORT_TABLE: Final = {
 # The figures of a group of frames in factors.csv.
 _UNANSWERED: Final = "no frame is answered"
 FACTOR: Final = {
-    "frames": Statistic(
-        "number of frames in the group", COUNT, _FRAME, heading=Heading(report="frames")
-    ),
+    "frames": Statistic("number of frames in the group", COUNT, _FRAME).headed(report="frames"),
     "answered_pct": Statistic(
-        "share of the frames with a contact and values",
-        MEAN,
-        100 * _ANSWERS,
-        heading=Heading(report="answered, %"),
-    ),
+        "share of the frames with a contact and values", MEAN, 100 * _ANSWERS
+    ).headed(report="answered, %"),
     "median_pct_L": Statistic(
-        "median of the absolute error of x_c",
-        MEDIAN,
-        _X_C_PCT.abs(),
-        null=_UNANSWERED,
-        heading=Heading(report="median |error|, % of L"),
-    ),
+        "median of the absolute error of x_c", MEDIAN, _X_C_PCT.abs(), null=_UNANSWERED
+    ).headed(report="median |error|, % of L"),
     "rmse_pct_L": Statistic(
-        "root mean square error of x_c",
-        RMS,
-        _X_C_PCT,
-        null=_UNANSWERED,
-        heading=Heading(report="RMSE, % of L"),
-    ),
+        "root mean square error of x_c", RMS, _X_C_PCT, null=_UNANSWERED
+    ).headed(report="RMSE, % of L"),
     "consistent_pct": Statistic(
-        "share of the consistent frames",
-        MEAN,
-        100 * pl.col("consistent"),
-        heading=Heading(report="consistent, %"),
-    ),
+        "share of the consistent frames", MEAN, 100 * pl.col("consistent")
+    ).headed(report="consistent, %"),
 }
 
 # SNR above which a contact should be found. From the requirement on collections.
