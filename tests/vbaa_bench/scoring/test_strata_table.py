@@ -13,6 +13,7 @@ from tests.draws import generator
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.scoring import accuracy
 from vbaa_bench.scoring.frame_scores import score_frames, true_frames
 from vbaa_bench.scoring.information import efficiency, scored_limits
 from vbaa_bench.scoring.information_sets import information_of
@@ -219,6 +220,13 @@ def test_a_share_that_chance_does_not_explain_is_not_stated(
     used = information_used(pl.col("error"))
     assert used.of(rows) == pytest.approx(share)
     assert rows.select(used.expression).item() == pytest.approx(share)
+
+
+def test_the_table_takes_the_share_from_frames_with_a_limit() -> None:
+    # Chance explains 0.7 times the limit of 10 frames, but not of 110.
+    known = limits(110, "planar", [0.1] * 10 + [None] * 100)
+    rows = scored([{"x_c_mm": 120.07}] * 110, separate(110), known)
+    assert accuracy._row(rows)["x_c_efficiency_pct"] == pytest.approx(100 / 0.49)
 
 
 def test_without_limits_there_is_no_share() -> None:
