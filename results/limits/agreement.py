@@ -19,12 +19,15 @@ from results.limits.rendered_beam import STEP_PX
 from results.limits.rendered_profile import RenderedProfiles, rendered_profiles
 from solver.instrument.arrays import Floats
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.limits.frame_information import PlacesInformation, frame_information
-from vbaa_bench.limits.image_shape import CONTACT, PLACES, ImagedBeam, ImageShape, image_shape
-from vbaa_bench.limits.named_information import Information
-from vbaa_bench.limits.of_frame import imaged_beam
-from vbaa_bench.limits.pixel_noise import PixelNoise
-from vbaa_bench.limits.profile import SHIFT, information
+from vbaa_bench.limits.image_shape import (
+    ImageShape,
+    PlacesInformation,
+    image_information,
+    image_shape,
+)
+from vbaa_bench.limits.imaged_beam import CONTACT, PLACES, ImagedBeam
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.profile import SHIFT, PixelNoise, information
 from vbaa_bench.limits.quantities import QUANTITIES, SECOND, gradients
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.limits.tip import BeamEnd, tip_information
@@ -89,14 +92,13 @@ class LimitedFrame:
         """The beam before the camera."""
         renderer = self.lit.renderer
         pose = renderer.pose(self.spec)
-        return imaged_beam(pose, renderer.pushed_world(pose).camera)
+        return ImagedBeam.of(pose, renderer.pushed_world(pose).camera)
 
     @cached_property
     def quantities(self) -> Floats:
         """Gradients (4, 3) of _QUANTITIES with respect to CONTACT."""
         pose = self.lit.renderer.pose(self.spec)
-        line, s = pose.experiment.rest.centreline, pose.state.contact.s
-        at_rest = np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
+        (at_rest,) = pose.experiment.rest.points_at(np.array([pose.state.contact.s]))
         return gradients(self.imaged.neighbours(CONTACT), at_rest).quantities[: len(_QUANTITIES)]
 
     def sigmas(self, data: Information, *, plane_is_known: bool) -> Floats:
@@ -134,7 +136,7 @@ class LimitedFrame:
         end, last = BeamEnd.of(self.imaged), self.profiles.surfaces[-1]
         of_tip = self.profiles.visible[-1] * tip_information(last, end, self._noise.variance)
         visible = self.profiles.visible[:, None, None]
-        return frame_information(self.shape, PlacesInformation(visible * self.of_places, of_tip))
+        return image_information(self.shape, PlacesInformation(visible * self.of_places, of_tip))
 
     def of_lamps(self) -> Information:
         """Compute the closed form from the scene's lamps and paints."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
-from vbaa_bench.limits.image_shape import ImagedBeam, Neighbours
+from vbaa_bench.limits.imaged_beam import ImagedBeam, Neighbours
 
 
 class Displacements(NamedTuple):

@@ -1,7 +1,7 @@
 """Fisher information of one frame, from its expected image and that of changed parameters.
 
-`frame_information` computes the same in closed form, with the assumption that a pixel shows a
-straight, evenly lit stretch of the beam before an even background. This derivation makes none.
+`image_shape` computes the same in closed form, with the assumption that a pixel shows a straight,
+evenly lit stretch of the beam before an even background. This derivation makes none.
 """
 
 from collections.abc import Collection, Sequence
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from results.limits.rendered_beam import SAMPLES, STEP_PX, beam_change, near_beam
+from results.limits.rendered_profile import is_removed
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
@@ -18,11 +19,10 @@ from vbaa_bench.assembly.motion import exposure_poses
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.dataset.target import FAST
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.limits.frame_information import APPEARANCE
-from vbaa_bench.limits.image_shape import PARAMETERS
-from vbaa_bench.limits.named_information import Information
-from vbaa_bench.limits.of_frame import imaged_beam, is_removed
-from vbaa_bench.limits.pixel_noise import PixelNoise
+from vbaa_bench.limits.image_shape import APPEARANCE
+from vbaa_bench.limits.imaged_beam import PARAMETERS, ImagedBeam
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.profile import PixelNoise
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.random_streams import render_seed
@@ -133,7 +133,7 @@ def image_change(
     light = level * renderer.vignetting[rows, columns]
     mean, slopes = np.zeros(len(rows)), np.zeros((2, len(names), len(rows)))
     for number, pose in enumerate(poses):
-        imaged = imaged_beam(pose, camera)
+        imaged = ImagedBeam.of(pose, camera)
         change = beam_change(
             renderer.pushed_world(pose),
             imaged,

@@ -14,7 +14,8 @@ import numpy as np
 from results.limits.displacement import displacements
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.transforms import apply
-from vbaa_bench.limits.image_shape import FRACTIONS, ImagedBeam, Neighbours
+from vbaa_bench.limits.imaged_beam import FRACTIONS, ImagedBeam, Neighbours
+from vbaa_bench.mechanics.state import interpolated
 from vbaa_bench.render.pilots import dilated
 from vbaa_bench.render.tracing import Quantity, trace
 from vbaa_bench.render.world import World
@@ -123,4 +124,4 @@ def of_vertices(world: World, rows: Floats) -> Floats:
     """Interpolate rows (n, 3) at FRACTIONS of the beam's length to the vertices of its mesh."""
     assert world.arc_length is not None
     share = world.arc_length / world.arc_length.max()
-    return np.column_stack([np.interp(share, FRACTIONS, column) for column in rows.T])
+    return interpolated(share, FRACTIONS, rows)

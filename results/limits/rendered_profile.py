@@ -16,7 +16,6 @@ from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.geometry.tube import sides
 from vbaa_bench.limits.image_shape import ImageShape
-from vbaa_bench.limits.of_frame import is_removed
 from vbaa_bench.limits.profile import SurfaceProfile
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.world import World
@@ -62,7 +61,7 @@ def rendered_profiles(renderer: FrameRenderer, pose: Pose, shape: ImageShape) ->
     light = pose.spec.scene.light_level * _light_at(renderer, pixels)
     radiance = (light * traced.radiance).reshape(across.shape)
     covered = traced.coverage.reshape(across.shape)[:, :_OFFSETS] > 0.5
-    inside = _inside(camera, pixels).reshape(across.shape)[:, :_OFFSETS]
+    inside = camera.contains(pixels).reshape(across.shape)[:, :_OFFSETS]
     spread = pose.spec.scene.optics.point_spread_px
     lit, behind = radiance[:, :_OFFSETS], radiance[:, _OFFSETS:].mean(axis=1)
     surfaces = [
@@ -71,6 +70,16 @@ def rendered_profiles(renderer: FrameRenderer, pose: Pose, shape: ImageShape) ->
     ]
     visible = (covered & inside).mean(axis=1)
     return RenderedProfiles(surfaces, visible * ~is_removed(pose, camera, shape.pixels))
+
+
+def is_removed(pose: Pose, camera: Camera, pixels: Floats) -> Mask:
+    """Test whether places (n, 2) [px] are in the stretch of x on plane C declared as missing."""
+    cover, hidden = pose.spec.cover, pose.hidden
+    if cover is None or hidden is None or cover.in_image:
+        return np.zeros(len(pixels), np.bool_)
+    x = camera.on_plane(np.asarray(pixels, np.float64))[:, 0]
+    start, end = hidden
+    return np.asarray((start <= x) & (x <= end))
 
 
 class _Silhouette(NamedTuple):
@@ -113,12 +122,6 @@ def _magnified(camera: Camera) -> Camera:
         cy=k * (camera.cy + 0.5) - 0.5,
         distortion=(),
     )
-
-
-def _inside(camera: Camera, pixels: Floats) -> Mask:
-    """Test whether places (n, 2) [px] are in the image."""
-    size = np.array([camera.width, camera.height])
-    return np.asarray(((pixels > -0.5) & (pixels < size - 0.5)).all(axis=1))
 
 
 def _light_at(renderer: FrameRenderer, pixels: Floats) -> Floats:

@@ -18,8 +18,8 @@ from results.limits.rendered_beam import SAMPLES, of_vertices
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
-from vbaa_bench.limits.frame_information import APPEARANCE
-from vbaa_bench.limits.image_shape import CONTACT, ImagedBeam
+from vbaa_bench.limits.image_shape import APPEARANCE
+from vbaa_bench.limits.imaged_beam import CONTACT, ImagedBeam
 from vbaa_bench.limits.quantities import QUANTITIES
 from vbaa_bench.render.tracing import trace
 

@@ -112,6 +112,24 @@ class Camera:
             valid[valid] = np.abs(undistorted - ideal).max(axis=1) < _ROUND_TRIP_TOLERANCE
         return valid
 
+    def contains(self, pixels: Floats) -> Mask:
+        """Return a mask (n,) of the places (n, 2), (u, v), that are in the image."""
+        largest = [self.width - 0.5, self.height - 0.5]
+        return np.asarray(((pixels > -0.5) & (pixels < largest)).all(axis=1))
+
+    def directions_from(self, points: Floats) -> Floats:
+        """Compute unit vectors (n, 3) in Sigma_a from points (n, 3) [m] to the camera."""
+        if self.telecentric:
+            return np.tile(self.viewpoint[:3], (len(points), 1))
+        towards = self.viewpoint[:3] - points
+        return np.asarray(towards / np.linalg.norm(towards, axis=1, keepdims=True))
+
+    def on_plane(self, pixels: Floats) -> Floats:
+        """Project pixels (n, 2), (u, v), to points (n, 3) of plane C [m]."""
+        ideal = np.column_stack([self.normalised(pixels), np.ones(len(pixels))])
+        x, y, w = self.plane_from_normalised @ ideal.T
+        return np.column_stack([x / w, y / w, np.zeros(len(pixels))])
+
     def normalised(self, pixels: Floats) -> Floats:
         """Convert pixels (n, 2), (u, v), to ideal coordinates (n, 2): x and y over depth.
 

@@ -22,7 +22,7 @@ from vbaa_bench.cli import doctor
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.recorded import write_results
-from vbaa_bench.limits import of_dataset
+from vbaa_bench.limits import dataset_limits
 from vbaa_bench.render.variant import VARIANTS, Probe
 from vbaa_bench.workers.jobs import SameProcess
 
@@ -45,8 +45,9 @@ def finished(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     methods = [word for name in sorted(SOLVED) for word in ("--method", name)]
     words = ["run", str(scene), "--out", str(root), "--repeats", "1", *methods]
     with pytest.MonkeyPatch.context() as patch:
-        # The limits come from this process: the start of others takes longer. See test_of_dataset.
-        patch.setattr(of_dataset, "Pool", SameProcess)
+        # The limits come from this process: the start of others takes longer. `test_dataset_limits`
+        # starts them.
+        patch.setattr(dataset_limits, "Pool", SameProcess)
         done = CliRunner().invoke(cli.app, words)
     assert done.exit_code == 0, done.output
     assert "exact_fit" in done.stdout
@@ -106,7 +107,7 @@ def test_run_stores_the_limits_and_scores_over_them(finished: Path) -> None:
 def test_limits_of_a_collection_are_those_of_its_rigs(
     command: CommandLine, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_dataset, "Pool", SameProcess)
+    monkeypatch.setattr(dataset_limits, "Pool", SameProcess)
     rig = tmp_path / "rig_00003"
     shutil.copytree(finished, rig)
     shutil.rmtree(rig / "derived")

@@ -12,17 +12,15 @@ from results.limits.rendered import (
     image_change,
     precise_change,
 )
-from results.limits.rendered_profile import rendered_profiles
+from results.limits.rendered_profile import is_removed, rendered_profiles
 from solver.instrument.arrays import Floats
 from tests.draws import generator, scene_seed, seeded
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.frame_renderer import FrameRenderer
-from vbaa_bench.limits.frame_information import PlacesInformation, frame_information
-from vbaa_bench.limits.image_shape import image_shape
-from vbaa_bench.limits.named_information import Information
-from vbaa_bench.limits.of_frame import imaged_beam, is_removed
-from vbaa_bench.limits.pixel_noise import PixelNoise
-from vbaa_bench.limits.profile import SHIFT, information
+from vbaa_bench.limits.image_shape import PlacesInformation, image_information, image_shape
+from vbaa_bench.limits.imaged_beam import ImagedBeam
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.profile import SHIFT, PixelNoise, information
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.frames import FrameSpec, frame_specs
@@ -89,14 +87,14 @@ def sigmas(data: Information, names: tuple[str, ...]) -> Floats:
 
 def test_the_closed_form_agrees(small: Small, change: ImageChange) -> None:
     renderer, pose = small.renderer, small.pose()
-    imaged = imaged_beam(pose, renderer.pushed_world(pose).camera)
+    imaged = ImagedBeam.of(pose, renderer.pushed_world(pose).camera)
     shape = image_shape(imaged, imaged.neighbours(NAMES))
     profiles = rendered_profiles(renderer, pose, shape)
     variance = PixelNoise.of(renderer.scene.sensor, renderer.sensor(EXPOSURE)).variance
     of_places = np.array([information(surface, variance) for surface in profiles.surfaces])
     of_tip = tip_information(profiles.surfaces[-1], BeamEnd.of(imaged), variance)
     visible = profiles.visible[:, None, None] * of_places
-    closed = frame_information(shape, PlacesInformation(visible, of_tip))
+    closed = image_information(shape, PlacesInformation(visible, of_tip))
     for names in (("s_c",), ("cy",), ("s_c", "normal_force"), (*NAMES[:3], "width")):
         ratio = sigmas(change.information, names) / sigmas(closed, names)
         np.testing.assert_allclose(ratio, 1.0, atol=0.05)
@@ -143,7 +141,7 @@ def test_brightness_changes_the_beams_part_of_a_pixel(change: ImageChange) -> No
 
 def test_a_shift_of_the_image_moves_the_beam_at_its_depth(small: Small) -> None:
     pose = small.pose()
-    imaged = imaged_beam(pose, small.renderer.pushed_world(pose).camera)
+    imaged = ImagedBeam.of(pose, small.renderer.pushed_world(pose).camera)
     moved = displacements(imaged, imaged.neighbours(("cy", "fx")))
     assert moved.largest_px[0] == pytest.approx(1.0, rel=1e-6)
     axis = imaged.camera.camera_from_antenna[2, :3]

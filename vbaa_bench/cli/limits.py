@@ -134,7 +134,7 @@ def store_limits(root: Path, workers: int | None, variant: str | None) -> int:
     with importing():
         from vbaa_bench.api.data import usable_variant, worker_count
         from vbaa_bench.dataset.collection import CollectionLayout, is_collection
-        from vbaa_bench.limits.of_dataset import limits_of_dataset
+        from vbaa_bench.limits.dataset_limits import dataset_limits
 
     rigs = CollectionLayout(root).rigs() if is_collection(root) else {}
     roots = [layout.root for layout in rigs.values()] or [root]
@@ -144,7 +144,7 @@ def store_limits(root: Path, workers: int | None, variant: str | None) -> int:
         of_rigs = bars.add_task("rigs", total=len(roots), visible=len(roots) > 1)
         bar = progress_bar(bars, "limits")
         for one in roots:
-            table = limits_of_dataset(one, chosen, count, bar)
+            table = dataset_limits(one, chosen, count, bar)
             frames += table["frame_id"].n_unique()
             bars.advance(of_rigs)
     return frames

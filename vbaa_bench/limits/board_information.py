@@ -20,9 +20,8 @@ from vbaa_bench.limits.camera_parameters import (
     changed_camera,
     small_motion,
 )
-from vbaa_bench.limits.frame_information import edge_information
-from vbaa_bench.limits.named_information import Information
-from vbaa_bench.limits.pixel_noise import PixelNoise
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.profile import PixelNoise, edge_information
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.reflection import Reflection
 from vbaa_bench.scene.paint import PaintedPart
@@ -82,7 +81,7 @@ def _view(camera: Camera, edges: _Edges, pose: Floats, of_directions: Floats) ->
     along = end - start
     lengths = np.linalg.norm(along, axis=1)
     normals = np.column_stack([-along[:, 1], along[:, 0]]) / lengths[:, None]
-    inside = ((middle > -0.5) & (middle < [camera.width - 0.5, camera.height - 0.5])).all(axis=1)
+    inside = camera.contains(middle)
 
     def project(name: str, change: float) -> Floats:
         points = (edges.start + edges.end) / 2
@@ -112,8 +111,7 @@ def _per_pixel(assembler: SceneAssembler, exposure: float) -> Floats:
     reflection = Reflection(lamps, assembler.unit.render_from_antenna)
     pose = assembler.antenna_from_board(0)
     point, normal = pose[None, :3, 3], pose[None, :3, 2]
-    towards = camera.viewpoint[:3] - (0.0 if camera.telecentric else point)
-    towards = towards.reshape(1, 3) / np.linalg.norm(towards)
+    towards = camera.directions_from(point)
     black, white = (
         float(reflection.radiance(PaintedPart(reflectance=value), point, normal, towards)[0])
         for value in (BLACK, WHITE)

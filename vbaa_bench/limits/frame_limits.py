@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.pose import Pose
-from vbaa_bench.limits.image_shape import (
+from vbaa_bench.limits.imaged_beam import (
     BEAM,
     CAMERA_SHIFT,
     CLAMP,
@@ -19,11 +19,10 @@ from vbaa_bench.limits.image_shape import (
     ImagedBeam,
     Neighbours,
 )
-from vbaa_bench.limits.named_information import Information
-from vbaa_bench.limits.of_frame import imaged_beam
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.prior import friction_sigma
 from vbaa_bench.limits.quantities import QUANTITIES, SECOND, Gradients, gradients
 from vbaa_bench.limits.rig_information import RigInformation
-from vbaa_bench.limits.stated_shape import friction_sigma
 from vbaa_bench.scene.rigs import nominal_rig
 
 # Ratio of friction to normal force that counts as friction. Chosen: above rounding errors.
@@ -73,9 +72,7 @@ class FrameLimits:
         """Information of the stated friction of an unknown object and shift of the camera."""
         sigmas = dict.fromkeys(FRICTION, friction_sigma(self.rig.scene))
         sigmas |= dict.fromkeys(CAMERA_SHIFT, self.rig.scene.tolerances.camera_shift_px)
-        return Information.of_priors(
-            {name: sigmas[name] for name in self.parameters if sigmas.get(name)}
-        )
+        return Information.of_priors({name: sigmas.get(name, 0.0) for name in self.parameters})
 
     @property
     def on_rig(self) -> Information:
@@ -102,8 +99,8 @@ class FrameLimits:
     @property
     def contact_at_rest(self) -> Floats:
         """Place (3,) [m] of the contact on the beam before contact."""
-        line, s = self.pose.experiment.rest.centreline, self.pose.state.contact.s
-        return np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
+        (point,) = self.pose.experiment.rest.points_at(np.array([self.pose.state.contact.s]))
+        return np.asarray(point)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -145,7 +142,7 @@ class FrameLimits:
     @cached_property
     def imaged(self) -> ImagedBeam:
         """The loaded beam before the camera of the frames."""
-        return imaged_beam(self.pose, self.rig.rig.knocked(self.rig.scene).camera)
+        return ImagedBeam.of(self.pose, self.rig.rig.knocked(self.rig.scene).camera)
 
     def _read(self, rows: list[int], sigmas: list[float]) -> Information:
         """Return the information of readings of the sensors at the clamp."""

@@ -1,181 +1,25 @@
-"""Change of the beam's image with every parameter that is estimated or only roughly known.
+"""Image of the beam: its change with parameters, and the Fisher information of one image on them.
 
-Parameters are the contact's place, force and direction, the clamp's pose, the beam's length and
-rigidity, and the camera. A measurement of the centreline shows only the change across the beam's
-image; its end shows the change along it.
+A place on the beam's image informs on its position across the beam, on the brightness of beam and
+background, and on the beam's width (`profile`). The position depends on contact, clamp, beam and
+camera (`imaged_beam`). A measurement of the centreline shows only the change across the beam's
+image; its end shows the change along it. The sum over all visible places is the information of the
+image.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.camera import Camera
-from solver.instrument.transforms import apply, turn_about_z
-from vbaa_bench.limits.camera_parameters import INTRINSICS, POSE, camera_unit, changed_camera
-from vbaa_bench.mechanics.loaded import Load, LoadedBeam, loaded
-from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.limits.imaged_beam import FRACTIONS, PLACES, ImagedBeam, Neighbours
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.profile import BACKGROUND, BRIGHTNESS, SHIFT, WIDTH
 
-# The contact: arc length [m], force across the beam [N], direction of the force [rad]; friction
-# along the beam and across it, relative to that force; and the same of a second contact.
-CONTACT: Final = ("s_c", "normal_force", "direction")
-FRICTION: Final = ("friction_along", "friction_across")
-SECOND_CONTACT: Final = ("second_s_c", "second_normal_force", "second_direction")
-# The clamp's position [m] and its turn about z [rad], length [m] and flexural rigidity [N m^2] of
-# the beam. Then what differs from a uniform beam on a rigid clamp: tip ratio, bow [1/m], relative
-# change of EI by a section out of round, skew of that section, and the clamp's rotation over its
-# moment [L / EI]. A skew e turns the direction in which the beam bends by e.
-CLAMP: Final = ("clamp_x", "clamp_y", "clamp_z", "motor_angle")
-BEAM: Final = ("length", "rigidity")
-SHAPE: Final = ("tip_ratio", "bow", "section_rigidity", "section_skew", "clamp_softness")
-PARAMETERS: Final = (*CONTACT, *CLAMP, *BEAM, *INTRINSICS, *POSE)
-# Shift of the image since the rest images [px].
-CAMERA_SHIFT: Final = ("camera_shift_x", "camera_shift_y")
-_SHIFTED: Final = dict(zip(CAMERA_SHIFT, ("cx", "cy"), strict=True))
-_SECOND: Final = "second_"
-
-# Step of the central differences: relative to the parameter, or to the natural unit of those that
-# are zero. Measured: a step of half or double this size changes them by less than 1e-4; with a
-# tenth, rounding errors of the equilibrium are larger than that.
-STEP: Final = 1e-3
-
-
-# Places on the beam's image. Measured: with twice as many, information changes by less than 0.1 %.
-PLACES: Final = 200
-# Of the length: the clamp, the middles of equal parts, and the tip.
-FRACTIONS: Final = np.concatenate([[0.0], (np.arange(PLACES) + 0.5) / PLACES, [1.0]])
-
-
-@dataclass(frozen=True)
-class ImagedBeam:
-    """A loaded beam before a camera: the state whose image is differentiated.
-
-    The first of `loads` is the contact that is estimated. `frame_from_clamp` (4, 4) maps the
-    clamp's frame to the camera's fixed frame, and `turned` (3, 3) the world to the clamp's.
-    """
-
-    rod: Rod
-    loads: tuple[Load, ...]
-    camera: Camera
-    frame_from_clamp: Floats
-    turned: Floats | None = None
-    # The beam's shape, if it has been computed.
-    shape: LoadedBeam | None = field(default=None, repr=False)
-
-    @cached_property
-    def beam(self) -> LoadedBeam:
-        """The beam at FRACTIONS of its length. Raises EquilibriumError."""
-        lengths = FRACTIONS * self.rod.beam.length
-        return self.shape or loaded(self.rod, self.loads, lengths, self.turned)
-
-    @property
-    def pixels(self) -> Floats:
-        """Image of the centreline (n, 2) [px] at FRACTIONS of its length."""
-        points = self.beam.centreline[:, 1:]
-        return self.camera.project(apply(self.frame_from_clamp, points))
-
-    @property
-    def pixels_per_metre(self) -> Floats:
-        """Magnification (n,) [px/m] of the beam at FRACTIONS of its length."""
-        points = apply(self.frame_from_clamp, self.beam.centreline[:, 1:])
-        return self.camera.pixels_per_metre(points)
-
-    def neighbours(self, names: Sequence[str]) -> "dict[str, Neighbours]":
-        """Return the beams with each parameter decreased and increased by a small step."""
-        steps = {name: STEP * self.unit(name) for name in names}
-        return {
-            name: Neighbours(self.changed(name, -step), self.changed(name, step), 2 * step)
-            for name, step in steps.items()
-        }
-
-    def changed(self, name: str, change: float) -> "ImagedBeam":
-        """Return the same with one of PARAMETERS changed."""
-        if name in (*CONTACT, *FRICTION, *SECOND_CONTACT):
-            return self._with_load(name.removeprefix(_SECOND), change, name.startswith(_SECOND))
-        if name in (*BEAM, *SHAPE):
-            return replace(self, rod=_changed_rod(self.rod, name, change), shape=None)
-        if name == "motor_angle":
-            turned = self.frame_from_clamp @ turn_about_z(change)
-            return replace(self, frame_from_clamp=turned, shape=self.beam)
-        if name in CLAMP:
-            moved = self.frame_from_clamp.copy()
-            moved["xyz".index(name[-1]), 3] += change
-            return replace(self, frame_from_clamp=moved, shape=self.beam)
-        camera = changed_camera(self.camera, _SHIFTED.get(name, name), change)
-        return replace(self, camera=camera, shape=self.beam)
-
-    def unit(self, name: str) -> float:
-        """Return the natural unit of a parameter: its own value, the beam's length, or 1."""
-        beam, key = self.rod.beam, name.removeprefix(_SECOND)
-        if key in ("s_c", "normal_force"):
-            load = self.loads[int(name.startswith(_SECOND))]
-            return load.s if key == "s_c" else load.normal_force
-        values = {
-            "length": beam.length,
-            "rigidity": beam.flexural_rigidity,
-            "bow": 1 / beam.length,
-        }
-        if name in values:
-            return values[name]
-        if name.startswith(("clamp", "move")):
-            return beam.length
-        return camera_unit(self.camera, _SHIFTED.get(name, name))
-
-    def _with_load(self, name: str, change: float, second: bool) -> "ImagedBeam":
-        """Change a parameter of the first or of the second load."""
-        loads, number = list(self.loads), int(second)
-        load = loads[number]
-        along, across = load.friction
-        if name in FRICTION:
-            moved = (along + change, across) if name == FRICTION[0] else (along, across + change)
-            loads[number] = replace(load, friction=moved)
-        else:
-            key = "s" if name == "s_c" else name
-            loads[number] = replace(load, **{key: getattr(load, key) + change})
-        return replace(self, loads=tuple(loads), shape=None)
-
-
-def _changed_rod(rod: Rod, name: str, change: float) -> Rod:
-    if name in ("tip_ratio", "clamp_softness"):
-        return replace(rod, **{name: getattr(rod, name) + change})
-    if name == "bow":
-        return replace(rod, bow=(rod.bow[0] + change, rod.bow[1]))
-    if name == "section_skew":
-        return _skewed(rod, change)
-    if name == "section_rigidity":
-        name, change = "rigidity", change * rod.beam.flexural_rigidity
-    key = "flexural_rigidity" if name == "rigidity" else name
-    beam = replace(rod.beam, **{key: getattr(rod.beam, key) + change})
-    return replace(rod, beam=beam)
-
-
-def _skewed(rod: Rod, skew: float) -> Rod:
-    """Return a rod whose force towards y also bends it towards z, as stiff as before towards y.
-
-    A section with axes in the ratio 1 + e, the first inclined by a from y, is the vector
-    e (cos 2a, sin 2a), to first order; a skew is added to its second component.
-    """
-    excess, angle = rod.aspect_ratio - 1, 2 * rod.section_angle
-    plain, skewed = excess * np.cos(angle), excess * np.sin(angle) + skew
-    size = float(np.hypot(plain, skewed))
-    rigidity = rod.beam.flexural_rigidity * (1 + excess - plain) / (1 + size - plain)
-    return replace(
-        rod,
-        beam=replace(rod.beam, flexural_rigidity=rigidity),
-        aspect_ratio=1 + size,
-        section_angle=float(np.arctan2(skewed, plain)) / 2,
-    )
-
-
-class Neighbours(NamedTuple):
-    """A loaded beam with one parameter decreased and increased, and the difference."""
-
-    behind: ImagedBeam
-    ahead: ImagedBeam
-    difference: float
+# Relative changes of the whole beam's brightness, the background's, and the beam's width. They
+# follow the parameters of the image's shape.
+APPEARANCE: Final = ("brightness", "background", "width")
 
 
 class ImageShape(NamedTuple):
@@ -226,3 +70,30 @@ def image_shape(imaged: ImagedBeam, neighbours: Mapping[str, Neighbours]) -> Ima
         wider=wider[:, inner],
         tip_along=change[:, -1] @ tangents[-1],
     )
+
+
+class PlacesInformation(NamedTuple):
+    """Information of the visible places on the beam's image.
+
+    `of_length` (n, 4, 4) is that of one pixel of the length at n places, see `profile.information`,
+    times their visible fraction. `of_tip` [1/px^2] is that on the position of the beam's end along
+    its image, see `tip.tip_information`, 0 if it cannot be seen.
+    """
+
+    of_length: Floats
+    of_tip: float = 0.0
+
+
+def image_information(shape: ImageShape, of_places: PlacesInformation) -> Information:
+    """Compute the information on the parameters of a shape and on APPEARANCE."""
+    parameters, places = shape.across.shape
+    change = np.zeros((places, 4, parameters + len(APPEARANCE)))
+    change[:, SHIFT, :parameters] = shape.across.T
+    change[:, WIDTH, :parameters] = shape.wider.T
+    for column, row in enumerate((BRIGHTNESS, BACKGROUND, WIDTH)):
+        change[:, row, parameters + column] = 1.0
+    weighted = shape.steps[:, None, None] * of_places.of_length
+    total = np.einsum("nap,nab,nbq->pq", change, weighted, change, optimize=True)
+    along = np.append(shape.tip_along, np.zeros(len(APPEARANCE)))
+    total += of_places.of_tip * np.outer(along, along)
+    return Information((*shape.names, *APPEARANCE), total)

@@ -6,7 +6,6 @@ whereas the limit depends on the contrast along the whole beam.
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,17 +13,16 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.units import MILLIMETRE, PERCENT
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.geometry.sheets import between
 from vbaa_bench.limits.dirt import Dirt, dirt_of
 from vbaa_bench.limits.profile import SurfaceProfile, gray_profile
-from vbaa_bench.limits.section import visible_side
+from vbaa_bench.limits.section import Sections, visible_side
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.reflection import Reflection
-from vbaa_bench.render.surface import RenderUnit
 from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.paint import PaintedPart
-from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.vignetting import relative_illumination
 
@@ -38,30 +36,19 @@ _BEAM_PEAK, _IMAGE_PEAK = 0.99, 0.9
 
 
 @dataclass(frozen=True)
-class BeamPlaces:
-    """Places on a beam before a fixed camera, in the frame in which the camera is fixed.
-
-    `s` (n,) [m] are arc lengths, `points` (n, 3) [m], `tangents` (n, 3) unit vectors, and `axes`
-    (n, 2, 3) the axes of the sections.
-    """
-
-    s: Floats
-    points: Floats
-    tangents: Floats
-    axes: Floats
-
-
-@dataclass(frozen=True)
 class LitBeam:
-    """The beam of a scene in its light. `folder` contains the files that the scene names."""
+    """The beam of a scene in its light."""
 
-    scene: Scene
-    rig: TrueRig
-    folder: Path
+    assembler: SceneAssembler
 
-    def surfaces(self, rod: Rod, camera: Camera, places: BeamPlaces) -> list[SurfaceProfile]:
-        """Compute the radiance across the beam's image at n places, and beside it."""
-        towards = _to_camera(camera, places.points)
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.assembler.scene
+
+    def surfaces(self, rod: Rod, camera: Camera, places: Sections) -> list[SurfaceProfile]:
+        """Compute the radiance across the beam's image at n sections, and beside it."""
+        towards = camera.directions_from(places.points)
         # Across the tangent and the ray; then nearest to the camera.
         across = np.cross(places.tangents, towards)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -101,7 +88,7 @@ class LitBeam:
     def background(self, camera: Camera, points: Floats) -> Floats:
         """Compute the radiance (n,) of what the camera sees behind points (n, 3)."""
         spec = self.scene.background
-        back = -_to_camera(camera, points)
+        back = -camera.directions_from(points)
         ground = points + back * ((spec.height - points[:, 2:]) / back[:, 2:])
         sheet = PaintedPart(reflectance=spec.kind.mean_reflectance)
         up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
@@ -113,7 +100,7 @@ class LitBeam:
             radiance = np.where(seen & (back @ faces < 0), lamp.radiance, radiance)
         return radiance
 
-    def peak_radiance(self, rod: Rod, camera: Camera, at_rest: BeamPlaces) -> float:
+    def peak_radiance(self, rod: Rod, camera: Camera, at_rest: Sections) -> float:
         """Compute the radiance by which the exposure is metered, with the beam at rest."""
         levels = []
         for surface in self.surfaces(rod, camera, at_rest):
@@ -127,7 +114,7 @@ class LitBeam:
             )
         )
         pixels = np.column_stack([u.ravel(), v.ravel()])
-        grid = self.background(camera, _on_plane(camera, pixels)) * self._light_of(camera, pixels)
+        grid = self.background(camera, camera.on_plane(pixels)) * self._light_of(camera, pixels)
         return max(beam, float(np.quantile(grid, _IMAGE_PEAK)))
 
     def _light_of(self, camera: Camera, pixels: Floats) -> Floats:
@@ -155,28 +142,12 @@ class LitBeam:
     @cached_property
     def dirt(self) -> Dirt | None:
         """Dirt on the beam; None if it is clean."""
-        return dirt_of(self.scene, self.rig, _OFFSETS)
+        return dirt_of(self.scene, self.assembler.rig, _OFFSETS)
 
     @cached_property
     def _lights(self) -> list[Emitter]:
-        return lights(self.scene, self.folder)
+        return lights(self.scene, self.assembler.folder)
 
     @cached_property
     def _reflection(self) -> Reflection:
-        return Reflection(self._lights, RenderUnit.of(self.rig.beam).render_from_antenna)
-
-
-def _to_camera(camera: Camera, points: Floats) -> Floats:
-    """Compute unit vectors (n, 3) from points to the camera."""
-    viewpoint = camera.viewpoint
-    if camera.telecentric:
-        return np.tile(viewpoint[:3], (len(points), 1))
-    towards = viewpoint[:3] - points
-    return np.asarray(towards / np.linalg.norm(towards, axis=1, keepdims=True))
-
-
-def _on_plane(camera: Camera, pixels: Floats) -> Floats:
-    """Project pixels (n, 2) to points (n, 3) of plane C [m]."""
-    ideal = np.column_stack([camera.normalised(pixels), np.ones(len(pixels))])
-    x, y, w = camera.plane_from_normalised @ ideal.T
-    return np.column_stack([x / w, y / w, np.zeros(len(pixels))])
+        return Reflection(self._lights, self.assembler.unit.render_from_antenna)

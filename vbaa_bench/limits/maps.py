@@ -85,7 +85,7 @@ class _Worker:
         self._limits: dict[int, LimitsOfPushes] = {}
 
     def column(
-        self, tick: Callable[[], None], column: MapColumn, information: str
+        self, on_progress: Callable[[], None], column: MapColumn, information: str
     ) -> list[dict[str, Any]]:
         """Return a row for each deflection at one contact distance."""
         file = column.file
@@ -109,7 +109,7 @@ class _Worker:
             if place.state is not None:
                 row |= _values(place, found.get(place.spec.frame_id), length_mm)
             rows.append(row)
-        tick()
+        on_progress()
         return rows
 
 

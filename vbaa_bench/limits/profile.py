@@ -19,6 +19,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from solver.instrument.units import PERCENT
+from vbaa_bench.scene.image_sensor import SensorSpec
+from vbaa_bench.sensor.ideal import Ideal
+from vbaa_bench.sensor.sensor import Sensor
 
 # Step [px] of the grid across the beam. Measured: with half of it, the information of a beam of
 # 0.3 to 8 px changes by less than 1e-3.
@@ -27,6 +31,34 @@ STEP: Final = 0.01
 _WIDER: Final = 1e-3
 
 SHIFT, BRIGHTNESS, BACKGROUND, WIDTH = range(4)
+
+
+@dataclass(frozen=True)
+class PixelNoise:
+    """Noise of a pixel over exposures, and over the pixels of one sensor.
+
+    Shot noise, read noise and rounding are those of `sensor`. Its fixed pattern is unknown where
+    the beam is imaged for the first time, so `response` (relative) and `offset` [electrons], its
+    standard deviations over the pixels, count as noise. Colours that are reconstructed between the
+    photosites of a mosaic, compression and defective pixels are neglected: they take information
+    away.
+    """
+
+    sensor: Sensor | Ideal
+    response: float = 0.0
+    offset: float = 0.0
+
+    @classmethod
+    def of(cls, spec: SensorSpec, sensor: Sensor | Ideal) -> "PixelNoise":
+        """Describe the noise of a scene's sensor."""
+        return cls(sensor, spec.prnu_pct * PERCENT, spec.dsnu_e)
+
+    def variance(self, radiance: Floats) -> Floats:
+        """Compute the variance [radiance^2] of pixels; it is infinite where they are saturated."""
+        variance = self.sensor.noise_sigma(radiance) ** 2 + (self.response * radiance) ** 2
+        if isinstance(self.sensor, Sensor):
+            variance += (self.offset / self.sensor.electrons_per_radiance) ** 2
+        return np.where(radiance < self.sensor.largest_radiance, variance, np.inf)
 
 
 @dataclass(frozen=True)
@@ -95,6 +127,25 @@ def information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -
     inside = inside_profile(surface, profile.offset)
     weighted = profile.slopes * (inside / variance(profile.mean))
     return np.asarray(weighted @ profile.slopes.T * STEP)
+
+
+def edge_information(
+    dark: float,
+    light: Floats,
+    normal: Floats,
+    point_spread: float,
+    variance: Callable[[Floats], Floats],
+) -> Floats:
+    """Compute the information (n,) [1/px^2] of a pixel's length of an edge on its position.
+
+    `dark` and `light` (n,) are the radiances beside it, `normal` (2,) is across it.
+    """
+    # The side of a wide strip of constant radiance.
+    edge = gray_profile(SurfaceProfile(np.ones(3), 0.0, 20.0, normal, point_spread))
+    side = edge.offset > 0
+    contrast = (light - dark)[:, None]
+    slopes = edge.slopes[SHIFT][side] * contrast
+    return np.asarray((slopes**2 / variance(dark + edge.mean[side] * contrast)).sum(axis=1) * STEP)
 
 
 def inside_profile(surface: SurfaceProfile, offset: Floats) -> Floats:

@@ -8,11 +8,11 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.limits.frame_limits import FrameLimits
-from vbaa_bench.limits.image_shape import CAMERA_SHIFT, CONTACT, FRICTION
-from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.imaged_beam import CAMERA_SHIFT, CONTACT, FRICTION
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.prior import friction_sigma
 from vbaa_bench.limits.push_model import PushGradients, push_gradients
 from vbaa_bench.limits.quantities import QUANTITIES
-from vbaa_bench.limits.stated_shape import friction_sigma
 from vbaa_bench.scene.rigs import nominal_rig
 
 _LOAD = (*CONTACT, *FRICTION)
@@ -34,8 +34,7 @@ class PushLimits:
             return
         rig = self.frames[0].rig
         total = rig.before_contact.without(rig.known)
-        if friction := friction_sigma(rig.scene):
-            total += Information.of_priors({"friction": friction})
+        total += Information.of_priors({"friction": friction_sigma(rig.scene)})
         for number in range(len(self.frames)):
             total += self._of_frame(number)
             rows = total.gradients([*self._quantities(number), {"compliance": 1.0}])

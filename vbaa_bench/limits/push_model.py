@@ -13,8 +13,8 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.limits.image_shape import SHAPE
-from vbaa_bench.limits.stated_shape import friction_sigma, uncertain_shape
+from vbaa_bench.limits.imaged_beam import SHAPE
+from vbaa_bench.limits.prior import friction_sigma, uncertain_shape
 from vbaa_bench.mechanics.loaded import Load
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.push import StepTarget

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.limits.image_shape import ImagedBeam, Neighbours
+from vbaa_bench.limits.imaged_beam import ImagedBeam, Neighbours
 
 # Those of a second contact: its arc length [m] and its force [N].
 SECOND: Final = ("second_s_c", "second_force")

@@ -1,6 +1,5 @@
 """Fisher information on a rig before any contact: board, beam at rest, and stated tolerances."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,36 +10,23 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
-from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.assembly.shared_world import draws_new_grime
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import camera_parameters
 from vbaa_bench.limits.dirt import Dirt, information_through_dirt
-from vbaa_bench.limits.frame_information import (
-    PlacesInformation,
-    frame_information,
-)
-from vbaa_bench.limits.image_shape import (
-    BEAM,
-    CLAMP,
-    FRACTIONS,
-    PLACES,
-    ImagedBeam,
-    Neighbours,
-    image_shape,
-)
+from vbaa_bench.limits.image_shape import PlacesInformation, image_information, image_shape
+from vbaa_bench.limits.imaged_beam import FRACTIONS, PLACES, ImagedBeam, Neighbours
+from vbaa_bench.limits.information import Information
 from vbaa_bench.limits.lit_beam import LitBeam
-from vbaa_bench.limits.named_information import Information
-from vbaa_bench.limits.of_frame import beam_at_rest, beam_places
-from vbaa_bench.limits.pixel_noise import PixelNoise
-from vbaa_bench.limits.profile import SurfaceProfile, information
-from vbaa_bench.limits.stated_shape import stated_shape_information, uncertain_shape
+from vbaa_bench.limits.prior import rig_prior, shape_prior, uncertain_parameters
+from vbaa_bench.limits.profile import PixelNoise, SurfaceProfile, information
+from vbaa_bench.limits.section import sections
 from vbaa_bench.limits.tip import BeamEnd, tip_information
-from vbaa_bench.mechanics.state import State
+from vbaa_bench.mechanics.state import State, interpolated
 from vbaa_bench.scene.push import Push
-from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_gravity
+from vbaa_bench.scene.rigs import TrueRig, true_gravity
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure
 
@@ -64,11 +50,10 @@ class RigInformation:
         neighbours = imaged.neighbours(self.parameters(self.rig.camera))
         count = self.scene.sensor.rest_images
         places = self.of_places(imaged, state, np.ones(PLACES), images=count)
-        images = frame_information(image_shape(imaged, neighbours), places)
+        images = image_information(image_shape(imaged, neighbours), places)
         rest = images.eliminated({"brightness", "background"})
-        board = board_information(self._assembler, self.exposure)
-        stated = self._tolerances + stated_shape_information(self.scene)
-        return stated + board + rest
+        board = board_information(self._lit.assembler, self.exposure)
+        return self._tolerances + shape_prior(self.scene) + board + rest
 
     def of_image(
         self,
@@ -83,7 +68,7 @@ class RigInformation:
         Arguments are those of `of_places`.
         """
         places = self.of_places(imaged, state, visible, scene)
-        return frame_information(image_shape(imaged, neighbours), places)
+        return image_information(image_shape(imaged, neighbours), places)
 
     def of_places(
         self,
@@ -98,48 +83,26 @@ class RigInformation:
         `visible` (n,) is the visible fraction of PLACES equal parts of the beam's length. `scene`
         has the light and the paints of this image, by default those at rest.
         """
-        scene, camera = scene or self.scene, imaged.camera
-        of_profile, of_tip = self._of_profile(imaged, state, scene, images)
-        pixels = imaged.pixels[1:-1]
-        inside = ((pixels > -0.5) & (pixels < [camera.width - 0.5, camera.height - 0.5])).all(
-            axis=1
-        )
-        visible = visible * inside
+        of_profile, of_tip = self._of_profile(imaged, state, scene or self.scene, images)
+        visible = visible * imaged.camera.contains(imaged.pixels[1:-1])
         return PlacesInformation(visible[:, None, None] * of_profile, float(of_tip * visible[-1]))
 
     def parameters(self, camera: Camera) -> tuple[str, ...]:
         """List the parameters of the rig on which an image depends."""
-        return (*self._beam_parameters, *camera_parameters(camera))
+        return (*uncertain_parameters(self.scene), *camera_parameters(camera))
 
     @cached_property
     def exposure(self) -> float:
         """Exposure as metered on the beam at rest."""
         imaged, state = self._at_rest
-        places = beam_places(imaged, state, np.linspace(0.05, 0.95, _PROFILES))
+        places = sections(imaged, state, np.linspace(0.05, 0.95, _PROFILES))
         peak = self._lit.peak_radiance(imaged.rod, self.rig.camera, places)
         return metered_exposure(self.scene.sensor, peak)
 
-    @property
-    def _beam_parameters(self) -> tuple[str, ...]:
-        """Parameters of clamp and beam that are uncertain in this scene."""
-        tolerances = nominal_rig(self.scene).tolerances
-        names = [*(CLAMP[:3] if tolerances.base_position else ())]
-        names = names or [CLAMP[0]] * bool(self.scene.tolerances.grip_mm)
-        names += [BEAM[0]] if tolerances.beam_length else []
-        names += [BEAM[1]] if tolerances.flexural_rigidity else []
-        return (*names, *uncertain_shape(self.scene))
-
-    @property
+    @cached_property
     def _tolerances(self) -> Information:
         """The stated accuracy of clamp, beam and board."""
-        stated = nominal_rig(self.scene).tolerances
-        sigmas = dict.fromkeys(CLAMP[:3], stated.base_position)
-        grip = self.scene.tolerances.grip_mm * MILLIMETRE
-        sigmas[CLAMP[0]] = math.hypot(stated.base_position, grip)
-        sigmas |= {"length": stated.beam_length, "rigidity": stated.flexural_rigidity}
-        sigmas |= dict.fromkeys(BOARD[:3], stated.board_rotation)
-        sigmas |= dict.fromkeys(BOARD[3:], stated.board_translation)
-        return Information.of_priors({name: sigma for name, sigma in sigmas.items() if sigma})
+        return rig_prior(self.scene)
 
     @property
     def errorless(self) -> Information | None:
@@ -159,8 +122,8 @@ class RigInformation:
         Images of the beam at rest have the same dirt, which their mean contains.
         """
         at = np.linspace(0.0, 1.0, _PROFILES)
-        lit = self._lit if scene is self.scene else LitBeam(scene, self.rig, self.folder)
-        surfaces = lit.surfaces(imaged.rod, imaged.camera, beam_places(imaged, state, at))
+        lit = self._lit if scene is self.scene else self._lit_in(scene)
+        surfaces = lit.surfaces(imaged.rod, imaged.camera, sections(imaged, state, at))
         sensor = image_sensor(self.scene.sensor, self.exposure * scene.light_level)
         noise = PixelNoise.of(self.scene.sensor, sensor)
 
@@ -170,8 +133,7 @@ class RigInformation:
         length_px = float(np.linalg.norm(np.diff(imaged.pixels, axis=0), axis=1).sum())
         dirt = lit.dirt if draws_new_grime(self.scene) else None
         known = np.array([_seen(surface, variance, dirt, length_px) for surface in surfaces])
-        flat = known.reshape(len(at), -1)
-        of_places = np.column_stack([np.interp(FRACTIONS[1:-1], at, column) for column in flat.T])
+        of_places = interpolated(FRACTIONS[1:-1], at, known.reshape(len(at), -1))
         of_tip = tip_information(surfaces[-1], BeamEnd.of(imaged), variance)
         return of_places.reshape(PLACES, 4, 4), of_tip
 
@@ -179,15 +141,15 @@ class RigInformation:
     def _at_rest(self) -> tuple[ImagedBeam, State]:
         still = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), true_gravity(self.scene))
         experiment = Experiment(self.scene, self.rig, still, self.folder)
-        return beam_at_rest(experiment, self.rig.camera), experiment.rest
+        return ImagedBeam.at_rest(experiment, self.rig.camera), experiment.rest
 
     @cached_property
     def _lit(self) -> LitBeam:
-        return LitBeam(self.scene, self.rig, self.folder)
+        return self._lit_in(self.scene)
 
-    @cached_property
-    def _assembler(self) -> SceneAssembler:
-        return SceneAssembler(self.scene, self.rig, self.folder)
+    def _lit_in(self, scene: Scene) -> LitBeam:
+        """Return the beam in the light of a scene."""
+        return LitBeam(SceneAssembler(scene, self.rig, self.folder))
 
 
 def _seen(

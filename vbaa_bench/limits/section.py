@@ -1,14 +1,48 @@
-"""The side of a beam's section that a camera sees: its width, and its normals across it."""
+"""Sections of a beam before a camera: where they are, and the side of one that the camera sees."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.limits.imaged_beam import ImagedBeam
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.state import State, interpolated
 
 # Points of an ellipse's outline: half a degree apart in phase.
-_OUTLINE = 720
+_OUTLINE: Final = 720
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Sections of a beam before a camera, in the frame in which the camera is fixed.
+
+    `s` (n,) [m] are their arc lengths, `points` (n, 3) [m] their middles, `tangents` (n, 3) the
+    unit vectors across them, and `axes` (n, 2, 3) their own axes.
+    """
+
+    s: Floats
+    points: Floats
+    tangents: Floats
+    axes: Floats
+
+
+def sections(imaged: ImagedBeam, state: State, fractions: Floats) -> Sections:
+    """Return the sections of a beam at increasing `fractions` (n,) of its length."""
+    line, s = state.centreline, fractions * state.centreline[-1, 0]
+    directions = np.gradient(line[:, 1:], line[:, 0], axis=0)
+    first = state.director
+    if first is None:  # a round section: any axis across the tangent
+        first = np.cross([0.0, 0.0, 1.0], directions)
+    points = state.points_at(s)
+    tangents, first = (interpolated(s, line[:, 0], rows) for rows in (directions, first))
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    first -= np.einsum("ni,ni->n", first, tangents)[:, None] * tangents
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    axes = np.stack([first, np.cross(tangents, first)], axis=1)
+    turn, move = imaged.frame_from_clamp[:3, :3], imaged.frame_from_clamp[:3, 3]
+    return Sections(s, points @ turn.T + move, tangents @ turn.T, axes @ turn.T)
 
 
 class VisibleSide(NamedTuple):
@@ -45,5 +79,5 @@ def visible_side(
     order = np.argsort(place)
     outward = ((wave / half) @ axes)[visible][order]
     half_width = float(np.hypot(*projected))
-    normals = np.column_stack([np.interp(middles * half_width, place[order], n) for n in outward.T])
+    normals = interpolated(middles * half_width, place[order], outward)
     return VisibleSide(half_width, normals / np.linalg.norm(normals, axis=1, keepdims=True))

@@ -14,9 +14,15 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.limits.frame_information import APPEARANCE, PlacesInformation, frame_information
 from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.image_shape import (
+    APPEARANCE,
+    ImageShape,
+    PlacesInformation,
+    image_information,
+    image_shape,
+)
+from vbaa_bench.limits.imaged_beam import (
     BEAM,
     CONTACT,
     FRACTIONS,
@@ -24,15 +30,13 @@ from vbaa_bench.limits.image_shape import (
     SECOND_CONTACT,
     SHAPE,
     ImagedBeam,
-    ImageShape,
     Neighbours,
-    image_shape,
 )
-from vbaa_bench.limits.named_information import Information, pseudo_inverse
+from vbaa_bench.limits.information import Information, pseudo_inverse
 from vbaa_bench.limits.profile import SHIFT
 from vbaa_bench.limits.quantities import QUANTITIES, SECOND, difference, gradients
 from vbaa_bench.mechanics.loaded import Load
-from vbaa_bench.mechanics.state import EquilibriumError
+from vbaa_bench.mechanics.state import EquilibriumError, interpolated
 
 # Most steps of Gauss and Newton, and the longest one relative to the natural units. Chosen: from
 # the true parameters, ten steps reach any others that a beam may have.
@@ -129,7 +133,7 @@ class SimpleFit:
 
     def _information(self, fit: "_Fit") -> Floats:
         """Compute the information (p, p) of the image and of all data before it."""
-        of_image = frame_information(fit.shape, self._places).eliminated(APPEARANCE)
+        of_image = image_information(fit.shape, self._places).eliminated(APPEARANCE)
         return of_image.matrix + self._before
 
     @cached_property
@@ -186,15 +190,12 @@ def _residuals(shape: ImageShape, model: ImagedBeam, true: ImagedBeam) -> tuple[
     along_target = np.gradient(target, FRACTIONS, axis=0)
     at = FRACTIONS.copy()
     for _ in range(3):  # the place on the true line that is across the model's place
-        points, slopes = (
-            np.column_stack([np.interp(at, FRACTIONS, axis) for axis in rows.T])
-            for rows in (target, along_target)
-        )
+        points, slopes = (interpolated(at, FRACTIONS, rows) for rows in (target, along_target))
         gap = ((points - line) * tangents).sum(axis=1)
         at = at - gap / (slopes * tangents).sum(axis=1)
     # Beyond its ends the true line is straight.
     beyond = at - np.clip(at, 0.0, 1.0)
-    points = np.column_stack([np.interp(at, FRACTIONS, axis) for axis in target.T])
+    points = interpolated(at, FRACTIONS, target)
     points += beyond[:, None] * slopes
     across = ((points - line)[1:-1] * shape.normals).sum(axis=1)
     return across, float((target[-1] - line[-1]) @ tangents[-1])

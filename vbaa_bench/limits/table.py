@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
-import polars as pl
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.limits.frame_limits import FrameLimits
-from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.information import Information
 from vbaa_bench.limits.push_limits import PushLimits
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.limits.simple_model import SimpleFit, SimpleModel
@@ -22,32 +21,15 @@ from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scoring.score_columns import LIMITS
 
 T = TypeVar("T")
 Visible = Callable[[Pose], Floats]
 
-SCHEMA: Final = {
-    "frame_id": pl.String,
-    "information": pl.String,
-    "x_c_limit_mm": pl.Float64,
-    "s_c_limit_mm": pl.Float64,
-    "force_limit_n": pl.Float64,
-    "psi_limit_deg": pl.Float64,
-    "second_s_c_limit_mm": pl.Float64,
-    "second_force_limit_n": pl.Float64,
-    "compliance_limit_mm_per_n": pl.Float64,
-    # What a method reaches that assumes a uniform beam and one contact without friction, in frames
-    # without these: its bias, and its standard deviation about it.
-    "x_c_simple_bias_mm": pl.Float64,
-    "s_c_simple_bias_mm": pl.Float64,
-    "force_simple_bias_n": pl.Float64,
-    "psi_simple_bias_deg": pl.Float64,
-    "x_c_simple_sigma_mm": pl.Float64,
-    "s_c_simple_sigma_mm": pl.Float64,
-    "force_simple_sigma_n": pl.Float64,
-    "psi_simple_sigma_deg": pl.Float64,
-}
-# SI units of these columns, those of a second contact last.
+# As declared with the scores. Bias and sigma of the simple model are those of a method that assumes
+# a uniform beam and one contact without friction, in frames without these.
+SCHEMA: Final = {name: column.kind.dtype for name, column in LIMITS.items()}
+# SI units of the columns of QUANTITIES.
 _UNITS: Final = (MILLIMETRE, MILLIMETRE, 1.0, DEGREE, MILLIMETRE, 1.0)
 _SIMPLE_UNITS: Final = _UNITS[:4]
 _COMPLIANCE_UNIT: Final = MILLIMETRE

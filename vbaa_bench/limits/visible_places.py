@@ -7,7 +7,7 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.pose import Pose
-from vbaa_bench.limits.image_shape import FRACTIONS
+from vbaa_bench.limits.imaged_beam import FRACTIONS
 
 
 def visible_in_image(pose: Pose, hidden_stretches_mm: Sequence[float]) -> Floats:
@@ -45,5 +45,5 @@ def _covered(pose: Pose) -> Mask:
 
 def _x(pose: Pose) -> Floats:
     """Interpolate x (PLACES,) [m] of the beam in the clamp's frame."""
-    line = pose.state.centreline
-    return np.asarray(np.interp(FRACTIONS[1:-1] * line[-1, 0], line[:, 0], line[:, 1]))
+    length = pose.state.centreline[-1, 0]
+    return pose.state.points_at(FRACTIONS[1:-1] * length)[:, 0]

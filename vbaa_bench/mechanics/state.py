@@ -13,6 +13,23 @@ class EquilibriumError(Exception):
     """Error raised if no equilibrium is found, or none accurate enough to serve as truth."""
 
 
+def check_residual(residual: float, failure: str) -> None:
+    """Raise EquilibriumError, which begins with `failure`, unless a state is accurate enough."""
+    if not residual <= MAX_RESIDUAL:
+        raise EquilibriumError(
+            f"{failure} (residual {residual:.1e}, allowed is {MAX_RESIDUAL:.0e})"
+        )
+
+
+def check_on_beam(s: float, length: float) -> None:
+    """Raise EquilibriumError if a contact at arc length `s` [m] is at the tip or beyond it."""
+    if s >= length:
+        raise EquilibriumError(
+            f"the beam slips off: contact arc length {s:.6g} m, "
+            f"allowed is up to the tip at {length:.6g} m"
+        )
+
+
 @dataclass(frozen=True)
 class Contact:
     """Contact of one object with the beam; SI, in the clamp's frame.
@@ -84,9 +101,18 @@ class State:
         """Tip (3,) [m]."""
         return np.asarray(self.centreline[-1, 1:])
 
+    def points_at(self, s: Floats) -> Floats:
+        """Interpolate points (n, 3) [m] of the centreline at arc lengths (n,) [m]."""
+        return interpolated(s, self.centreline[:, 0], self.centreline[:, 1:])
+
     @property
     def contact(self) -> Contact:
         """First contact. Raises ValueError if the beam touches nothing."""
         if not self.contacts:
             raise ValueError("the beam touches nothing")
         return self.contacts[0]
+
+
+def interpolated(places: Floats, known_places: Floats, rows: Floats) -> Floats:
+    """Interpolate rows (n, k), given at increasing `known_places` (n,), at other places (m,)."""
+    return np.column_stack([np.interp(places, known_places, column) for column in rows.T])

@@ -32,7 +32,7 @@ from vbaa_bench.generation.generate import generate
 from vbaa_bench.generation.inventory import Contents, Inventory, take_inventory
 from vbaa_bench.generation.metering_record import MeteringRecord
 from vbaa_bench.generation.missing_files import MissingFiles
-from vbaa_bench.limits import of_dataset
+from vbaa_bench.limits import dataset_limits
 from vbaa_bench.render.sample_table import Sampled
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.frames import FrameName, Frames, FrameSpec
@@ -271,8 +271,8 @@ def test_an_impossible_push_is_recorded_by_the_command(
     assert str(tmp_path) not in "".join(failures(layout).values())
     assert "frames failed; the reasons are in truth/shard_*/failures.json" in done.stderr
     # The limits are those of the frames that exist.
-    monkeypatch.setattr(of_dataset, "Pool", SameProcess)
-    table = of_dataset.limits_of_dataset(layout.root, variant, 1, quiet)
+    monkeypatch.setattr(dataset_limits, "Pool", SameProcess)
+    table = dataset_limits.dataset_limits(layout.root, variant, 1, quiet)
     assert table["frame_id"].n_unique() == record["frames"]
     # More than half of the pushes: the scene is refused.
     path.write_text(nine.replace("[60, 200]", "[239.5, 239.99]"))

@@ -10,7 +10,7 @@ from vbaa_bench.api.scene import Scene
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.limits.frame_limits import FrameLimits
-from vbaa_bench.limits.image_shape import PLACES
+from vbaa_bench.limits.imaged_beam import PLACES
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.rigs import true_rig

@@ -1,4 +1,4 @@
-"""Changes of the beam's image: known cases, the closed form, and independence of the step."""
+"""The beam's image: its changes and its information in known cases, independence of the step."""
 
 from collections.abc import Sequence
 
@@ -11,8 +11,15 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
-from vbaa_bench.limits import image_shape as module
-from vbaa_bench.limits.image_shape import PARAMETERS, ImagedBeam, ImageShape, image_shape
+from vbaa_bench.limits import imaged_beam as module
+from vbaa_bench.limits.image_shape import (
+    ImageShape,
+    PlacesInformation,
+    image_information,
+    image_shape,
+)
+from vbaa_bench.limits.imaged_beam import PARAMETERS, ImagedBeam
+from vbaa_bench.limits.profile import SHIFT, SurfaceProfile, information
 from vbaa_bench.mechanics.loaded import Load
 from vbaa_bench.mechanics.rod import Rod
 
@@ -21,6 +28,10 @@ BEAM = Beam(0.24, 0.8e-3, circular_rigidity(200e9, 0.8e-3))
 POSE = camera_looking_at(np.array([0.12, 0.018, 0.36]), np.array([0.12, 0.018, 0.0]), 0.0)
 CAMERA = Camera(512, 512, 700.0, 700.0, 255.5, 255.5, POSE)
 LOAD = Load(0.14, 0.15)
+ACROSS_ROWS = np.array([0.0, 1.0])
+BAR = SurfaceProfile(np.full(100, 3.0), 1.0, 2.0, ACROSS_ROWS)
+# A pixel in the image of the beam's plane [px/m].
+SCALE = 700 / 0.36
 
 
 def imaged(load: Load = LOAD) -> ImagedBeam:
@@ -108,3 +119,42 @@ def test_a_beam_that_comes_nearer_looks_wider() -> None:
     np.testing.assert_allclose(shape.wider[0], 1 / 0.36, rtol=1e-5)
     np.testing.assert_allclose(shape.wider[1], 0.0, atol=1e-9)
     np.testing.assert_allclose(shape.wider[2], 1 / beam.camera.fx, rtol=1e-5)
+
+
+def steady(mean: Floats) -> Floats:
+    """Noise with the same variance, 0.01, in all pixels."""
+    return np.full_like(mean, 0.01)
+
+
+def of_bar(visible: Floats) -> PlacesInformation:
+    return PlacesInformation(visible[:, None, None] * information(BAR, steady))
+
+
+def test_a_straight_line_has_the_information_of_linear_regression() -> None:
+    shape = shape_of(imaged(Load(0.14, 1e-9)), ["clamp_y", "motor_angle"])
+    total = image_information(shape, of_bar(np.ones(200)))
+    per_metre = information(BAR, steady)[SHIFT, SHIFT] * SCALE
+    # The integrals of 1, x and x^2 over the length, times the squared scale.
+    integrals = np.array([[0.24, 0.24**2 / 2], [0.24**2 / 2, 0.24**3 / 3]])
+    np.testing.assert_allclose(total.matrix[:2, :2], SCALE**2 * per_metre * integrals, rtol=1e-4)
+
+
+def test_hidden_places_inform_on_nothing() -> None:
+    shape = shape_of(imaged(), ["s_c", "normal_force"])
+    half = (np.arange(200) < 100).astype(float)
+    parts = [
+        image_information(shape, of_bar(visible)) for visible in (half, 1 - half, np.ones(200))
+    ]
+    np.testing.assert_allclose(parts[0].matrix + parts[1].matrix, parts[2].matrix, rtol=1e-12)
+    assert np.linalg.eigvalsh(parts[0].matrix[:2, :2]).min() > 0
+
+
+def test_an_image_informs_on_force_over_rigidity_only() -> None:
+    names = ["s_c", "normal_force", "rigidity"]
+    shape = shape_of(imaged(), names)
+    total = image_information(shape, of_bar(np.ones(200)))
+    beam = imaged()
+    unit = np.array([beam.unit(name) for name in names])
+    relative = total.matrix[:3, :3] * np.outer(unit, unit)
+    together = np.array([0.0, 1.0, 1.0])  # force and rigidity larger by the same factor
+    assert together @ relative @ together < 1e-6 * relative[1, 1]

@@ -12,7 +12,7 @@ from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import INTRINSICS, POSE
-from vbaa_bench.limits.frame_information import edge_information
+from vbaa_bench.limits.profile import edge_information
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.limits.visible_places import visible_by_plan, visible_in_image
 from vbaa_bench.render.variant import activate

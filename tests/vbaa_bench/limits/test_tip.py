@@ -5,8 +5,7 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from tests.vbaa_bench.limits.test_image_shape import imaged
-from vbaa_bench.limits.frame_information import edge_information
-from vbaa_bench.limits.profile import STEP, SurfaceProfile, gray_profile
+from vbaa_bench.limits.profile import STEP, SurfaceProfile, edge_information, gray_profile
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.loaded import Load
 

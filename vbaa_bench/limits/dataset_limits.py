@@ -18,7 +18,7 @@ from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.information import Information
 from vbaa_bench.limits.table import SCHEMA, LimitsOfPushes
 from vbaa_bench.limits.visible_places import visible_in_image
 from vbaa_bench.render.variant import activate
@@ -51,7 +51,7 @@ class _Worker:
 
     def pushes(
         self,
-        tick: Callable[[], None],
+        on_progress: Callable[[], None],
         pushes: Pushes,
         hidden: Hidden,
         learned: Information | None,
@@ -61,10 +61,12 @@ class _Worker:
         for specs in pushes:
             of_others = None if _split(self.scene, specs) == LEARN else learned
             rows += self._limits.rows(specs, partial(_visible, hidden), of_others)
-            tick()
+            on_progress()
         return rows
 
-    def on_rig(self, _tick: Callable[[], None], pushes: Pushes, hidden: Hidden) -> Information:
+    def on_rig(
+        self, _on_progress: Callable[[], None], pushes: Pushes, hidden: Hidden
+    ) -> Information:
         """Return the information of some pushes on the rig."""
         total = Information((), np.zeros((0, 0)))
         for specs in pushes:
@@ -76,7 +78,7 @@ def _visible(hidden: Hidden, pose: Pose) -> Floats:
     return visible_in_image(pose, hidden[pose.spec.frame_id])
 
 
-def limits_of_dataset(root: Path, variant: str, workers: int, progress: Progress) -> pl.DataFrame:
+def dataset_limits(root: Path, variant: str, workers: int, progress: Progress) -> pl.DataFrame:
     """Compute the limits of a dataset's frames, and write them. Returns the table.
 
     Raises InputError.

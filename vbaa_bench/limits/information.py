@@ -25,8 +25,12 @@ class Information:
 
     @classmethod
     def of_priors(cls, sigmas: Mapping[str, float]) -> "Information":
-        """Return the information of independent measurements of parameters with these sigmas."""
-        return cls(tuple(sigmas), np.diag([1 / sigma**2 for sigma in sigmas.values()]))
+        """Return the information of independent measurements of parameters with these sigmas.
+
+        A sigma of 0 states nothing: the parameter is left out.
+        """
+        stated = {name: sigma for name, sigma in sigmas.items() if sigma}
+        return cls(tuple(stated), np.diag([1 / sigma**2 for sigma in stated.values()]))
 
     @classmethod
     def of_readings(

@@ -10,10 +10,10 @@ from scipy.stats import halfnorm
 
 from tests.vbaa_bench.limits.experiments import paper_push, push
 from vbaa_bench.limits.frame_limits import FrameLimits
-from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.information import Information
+from vbaa_bench.limits.prior import friction_sigma
 from vbaa_bench.limits.push_limits import PushLimits
 from vbaa_bench.limits.push_model import push_gradients
-from vbaa_bench.limits.stated_shape import friction_sigma
 from vbaa_bench.render.variant import activate
 
 X_C, FORCE = 0, 2

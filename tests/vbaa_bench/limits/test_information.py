@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.draws import generator
-from vbaa_bench.limits.named_information import Information, pseudo_inverse
+from vbaa_bench.limits.information import Information, pseudo_inverse
 
 X = np.linspace(0.0, 2.0, 21)
 # A line y = a + b x, measured at X with the sigma 0.1.

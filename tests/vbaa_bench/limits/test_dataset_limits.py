@@ -10,7 +10,7 @@ from solver.instrument.errors import DamageError
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.limits.of_dataset import limits_of_dataset
+from vbaa_bench.limits.dataset_limits import dataset_limits
 from vbaa_bench.limits.table import SCHEMA
 from vbaa_bench.scoring.score_columns import LIMITS
 
@@ -21,7 +21,7 @@ def test_limits_are_stored_beside_the_truth_and_belong_to_it(
     root = tmp_path / "small"
     shutil.copytree(dataset, root)
     done: list[tuple[int, int]] = []
-    table = limits_of_dataset(root, variant, 1, lambda *count: done.append(count))
+    table = dataset_limits(root, variant, 1, lambda *count: done.append(count))
     assert done[-1] == (2, 2)
     assert dict(table.schema) == SCHEMA
     assert list(SCHEMA) == list(LIMITS)
