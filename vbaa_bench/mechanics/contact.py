@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solver.instrument.arrays import Floats, frozen_floats
-from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod import Rod, cross
 from vbaa_bench.mechanics.surfaces import Surface
 
 
@@ -107,13 +107,7 @@ def touch(
     else:
         distance, direction = obstacle.surface.distance(axes.T @ (position - origin))
         normal = axes @ direction
-        second = np.array(
-            [
-                tangent[1] * director[2] - tangent[2] * director[1],
-                tangent[2] * director[0] - tangent[0] * director[2],
-                tangent[0] * director[1] - tangent[1] * director[0],
-            ]
-        )
+        second = cross(tangent, director)
         a, b = rod.half_height(s) * (normal @ director), rod.half_height(s) * (normal @ second)
         extent = float(np.sqrt(a * a + (rod.aspect_ratio * b) ** 2))
         lever = -rod.half_height(s) * (a * director + rod.aspect_ratio**2 * b * second) / extent
@@ -123,13 +117,7 @@ def touch(
         across = np.array([(distance - extent) / length, normal @ tangent - taper])
         along = tangent - (tangent @ normal) * normal
         along /= float(np.sqrt(along @ along))
-    beside = np.array(
-        [
-            normal[1] * along[2] - normal[2] * along[1],
-            normal[2] * along[0] - normal[0] * along[2],
-            normal[0] * along[1] - normal[1] * along[0],
-        ]
-    )
+    beside = cross(normal, along)
     pressing = float(force @ normal)
     drag = np.array([force @ along, force @ beside])
     errors = drag / size

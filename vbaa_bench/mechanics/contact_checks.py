@@ -1,6 +1,7 @@
 """Closest points of a bent beam and the objects about it, and checks of its contacts."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -9,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
 from vbaa_bench.mechanics.rod_contact import Equilibrium, RodContactProblem
-from vbaa_bench.mechanics.state import EquilibriumError
+from vbaa_bench.mechanics.state import EquilibriumError, check_on_beam
 from vbaa_bench.mechanics.surfaces import Ball, Line, Surface
 
 # Depth in an object, over the beam's radius, above which the beam counts as touching it.
@@ -33,12 +34,16 @@ def smooth(
     return replace(problem, obstacles=tuple(obstacles))
 
 
-def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
-    """Find where the beam comes nearest to an obstacle or is deepest in it.
+class DeepestPlace(NamedTuple):
+    """Arc length [m], depth [m] in an obstacle and normal (3,); clearance is negative depth."""
 
-    Returns the arc length [m], the depth [m], and the normal (3,) there. A negative depth is a
-    clearance.
-    """
+    s: float
+    depth: float
+    normal: Floats
+
+
+def deepest(found: Equilibrium, index: int) -> DeepestPlace:
+    """Find where the beam comes nearest to an obstacle or is deepest in it."""
     problem = found.problem
     rows, states, _ = found.traced(SCAN)
     s = nearest(found, index, problem.obstacles[index].surface) / problem.rod.beam.length
@@ -46,18 +51,15 @@ def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
     if index in found.contacts:  # the force sets how far the object has yielded
         force = found.contacts[index].force / problem.rod.force_unit
     guess = problem.evaluate(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
-    return guess.s, -float(guess.touch.errors[0]) * problem.rod.beam.length, guess.touch.normal
+    depth = -float(guess.touch.errors[0]) * problem.rod.beam.length
+    return DeepestPlace(guess.s, depth, guess.touch.normal)
 
 
 def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
     """Find the arc length [m] where the beam is nearest to `surface`, a part of an obstacle."""
     rows, states, _ = found.traced(SCAN)
     length = found.problem.rod.beam.length
-    shift = np.zeros(3)
-    if index in found.contacts:
-        shift = found.contacts[index].touch.shift
-    clamp_from_object = found.clamp_from_world @ found.problem.obstacles[index].world_from_object
-    line = apply(invert(clamp_from_object), states[:, :3] * length - shift)
+    line = in_object(found, index, states[:, :3] * length)
     curve = CubicSpline(rows, line)
 
     def distance_to(point: Floats) -> float:
@@ -74,15 +76,17 @@ def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
     return (float(best.x) if best.fun < distance_to(line[coarse]) else at_row) * length
 
 
-def check_on_beam(found: Equilibrium) -> None:
+def in_object(found: Equilibrium, index: int, points: Floats) -> Floats:
+    """Transform points (n, 3) [m] from the clamp's frame to that of an obstacle, as it yielded."""
+    shift = found.contacts[index].touch.shift if index in found.contacts else np.zeros(3)
+    clamp_from_object = found.clamp_from_world @ found.problem.obstacles[index].world_from_object
+    return apply(invert(clamp_from_object), points - shift)
+
+
+def check_all_on_beam(found: Equilibrium) -> None:
     """Raise EquilibriumError if a contact is beyond the tip."""
-    length = found.problem.rod.beam.length
     for guess in found.contacts.values():
-        if guess.s >= length:
-            raise EquilibriumError(
-                f"the beam slips off: contact arc length {guess.s:.6g} m, "
-                f"allowed is up to the tip at {length:.6g} m"
-            )
+        check_on_beam(guess.s, found.problem.rod.beam.length)
 
 
 def check_pushed(found: Equilibrium) -> None:
@@ -99,7 +103,7 @@ def check(found: Equilibrium) -> None:
 
     It must not slip off at the tip, be pulled, cut into an object, or slip off a ball sideways.
     """
-    check_on_beam(found)
+    check_all_on_beam(found)
     check_pushed(found)
     beam = found.problem.rod.beam
     for index, guess in found.contacts.items():

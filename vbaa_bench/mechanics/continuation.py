@@ -12,7 +12,7 @@ from solver.instrument.units import DEGREE
 from vbaa_bench.mechanics.contact_checks import (
     MAX_DEPTH,
     SCAN,
-    check_on_beam,
+    check_all_on_beam,
     check_pushed,
     deepest,
     nearest,
@@ -82,7 +82,7 @@ def _follow(
             solution = current.solve(part, dict.fromkeys(path[-1].contacts), start)
         if problem.rod.tip_ratio < 1:
             _check_branch(solution, float(np.linalg.norm(force)))
-        check_on_beam(solution)  # a solution beyond the tip may be of another branch
+        check_all_on_beam(solution)  # a solution beyond the tip may be of another branch
         solution = _rolled_on(problem, _with_new_contact(solution))
         current = solution.problem
         path.append(solution)

@@ -14,7 +14,7 @@ from scipy.optimize import root
 from solver.instrument.arrays import Floats
 from vbaa_bench.mechanics.rod import ORDER, Rod, trace
 from vbaa_bench.mechanics.rod_contact import Motor
-from vbaa_bench.mechanics.state import MAX_RESIDUAL, Contact, EquilibriumError, State
+from vbaa_bench.mechanics.state import Contact, EquilibriumError, State, check_residual
 
 # Largest stride of the slope at the load by linear theory. Chosen: every third of it converges, up
 # to forces at which the beam hangs down.
@@ -80,11 +80,7 @@ def _state(
     scale = float(np.abs(moment).max(initial=1e-300))
     truncation = np.abs(fine - coarse) / (2**ORDER - 1)
     residual = float(max(np.abs(fine[9:]).max(), truncation[9:].max()) / scale)
-    if not residual <= MAX_RESIDUAL:
-        raise EquilibriumError(
-            f"no equilibrium under the weight (residual {residual:.1e}, "
-            f"allowed is {MAX_RESIDUAL:.0e})"
-        )
+    check_residual(residual, "no equilibrium under the weight")
     tangent = states[row, 6:9] / np.linalg.norm(states[row, 6:9])
     across = load - (load @ tangent) * tangent
     size = float(np.linalg.norm(across))

@@ -20,7 +20,13 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
 from solver.instrument.small_matrices import solve
-from vbaa_bench.mechanics.state import MAX_RESIDUAL, Contact, EquilibriumError, State
+from vbaa_bench.mechanics.state import (
+    Contact,
+    EquilibriumError,
+    State,
+    check_on_beam,
+    check_residual,
+)
 
 ORDER = 16
 MAX_STEP = 0.125
@@ -62,22 +68,12 @@ def push(
         -1.0 if deflection is None else deflection,
         pushing_angle or 0.0,
     )
+    failure = f"no equilibrium at contact distance {contact_distance:.6g} m"
     if math.isnan(residual):  # so small a push that numbers underflow
-        raise EquilibriumError(
-            f"no equilibrium at contact distance {contact_distance:.6g} m "
-            "(the equations are singular)"
-        )
-    if not residual <= MAX_RESIDUAL:
-        raise EquilibriumError(
-            f"no equilibrium at contact distance {contact_distance:.6g} m "
-            f"(residual {residual:.1e}, allowed is {MAX_RESIDUAL:.0e})"
-        )
+        raise EquilibriumError(f"{failure} (the equations are singular)")
+    check_residual(residual, failure)
     s_c = tau * scale
-    if s_c >= 1:
-        raise EquilibriumError(
-            f"the beam slips off: contact arc length {s_c * length:.6g} m, "
-            f"allowed is up to the tip at {length:.6g} m"
-        )
+    check_on_beam(s_c * length, length)
     line, row, theta_c, bend = _centreline(tau, scale, intervals)
     magnitude = force_unit / scale**2
     normal = np.array([-math.sin(theta_c), math.cos(theta_c), 0.0])

@@ -9,9 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from solver.instrument.transforms import apply, invert
 from vbaa_bench.mechanics.contact import Obstacle
-from vbaa_bench.mechanics.contact_checks import MAX_DEPTH, SCAN, check, deepest
+from vbaa_bench.mechanics.contact_checks import MAX_DEPTH, SCAN, check, deepest, in_object
 from vbaa_bench.mechanics.continuation import TWO_EDGES, continue_from_first_contact, free
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.rod_contact import Equilibrium, Motor, RodContactProblem, Step
@@ -117,8 +116,6 @@ def _check_outside(problem: RodContactProblem, solution: Equilibrium) -> None:
     _, states, _ = solution.traced(SCAN)
     for index, obstacle in enumerate(problem.obstacles):
         if isinstance(obstacle.surface, Solid):
-            shift = solution.contacts[index].touch.shift if index in solution.contacts else 0.0
-            object_from_clamp = invert(solution.clamp_from_world @ obstacle.world_from_object)
-            line = states[:, :3] * problem.rod.beam.length - shift
-            if obstacle.surface.holds(apply(object_from_clamp, line)):
+            line = in_object(solution, index, states[:, :3] * problem.rod.beam.length)
+            if obstacle.surface.holds(line):
                 raise EquilibriumError(TWO_EDGES)

@@ -250,3 +250,9 @@ def trace(
                 ahead[axis] -= forces[passed, axis]
             passed += 1
     return states
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return the product a x b (3,); `np.cross` takes 30 times as long for two vectors."""
+    (a_x, a_y, a_z), (b_x, b_y, b_z) = a.tolist(), b.tolist()
+    return np.array([a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x])

@@ -10,14 +10,15 @@ They are in the rod's units: lengths in L, forces in EI / L^2.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import root
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.mechanics.contact import Obstacle, PreviousContact, Touch, touch
-from vbaa_bench.mechanics.rod import ORDER, Rod, advance, trace
-from vbaa_bench.mechanics.state import MAX_RESIDUAL, Contact, EquilibriumError, State
+from vbaa_bench.mechanics.rod import ORDER, Rod, advance, cross, trace
+from vbaa_bench.mechanics.state import Contact, EquilibriumError, State, check_residual
 
 
 @dataclass(frozen=True)
@@ -146,10 +147,7 @@ class RodContactProblem:
             weight[first + 1] = self.rod.beam.length / self.rod.beam.radius
         misfit, truncation = np.abs(final / weight).max(), np.abs((final - coarse) / weight).max()
         residual = float(max(misfit, truncation / (2**ORDER - 1)))
-        if not residual <= MAX_RESIDUAL:
-            raise EquilibriumError(
-                f"no equilibrium (residual {residual:.1e}, allowed is {MAX_RESIDUAL:.0e})"
-            )
+        check_residual(residual, "no equilibrium")
         return Equilibrium(self, step, unknown, contacts, tip, residual)
 
     def evaluate(
@@ -178,14 +176,7 @@ class RodContactProblem:
 
     def couple(self, guess: ContactGuess) -> Floats:
         """Compute the moment (3,) of a contact's force about the centreline."""
-        lever, force = guess.touch.lever, guess.force
-        moment = np.array(
-            [
-                lever[1] * force[2] - lever[2] * force[1],
-                lever[2] * force[0] - lever[0] * force[2],
-                lever[0] * force[1] - lever[1] * force[0],
-            ]
-        )
+        moment = cross(guess.touch.lever, guess.force)
         return np.asarray(moment / (self.rod.force_unit * self.rod.beam.length))
 
     def _errors(
@@ -223,6 +214,17 @@ class RodContactProblem:
         return errors, {index: contacts[index] for index in indices}, tip[:3]
 
 
+class TracedRod(NamedTuple):
+    """Rod from clamp to tip: arc lengths (n,) and states (n, 12), both with lengths in L.
+
+    `contact_rows` are the rows of the contacts, by the index of the obstacle.
+    """
+
+    rows: Floats
+    states: Floats
+    contact_rows: dict[int, int]
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """Solution of one step: the unknowns, the contacts, the tip (3,), the worst relative error."""
@@ -244,11 +246,8 @@ class Equilibrium:
         """Transform (4, 4) from world to clamp."""
         return self.problem.motor.clamp_from_world(self.angle, self.step.drift)
 
-    def traced(self, intervals: int) -> tuple[Floats, Floats, dict[int, int]]:
-        """Sample arc lengths (n,) and states (n, 12) from clamp to tip; map contacts to rows.
-
-        n is `intervals` + 1; arc lengths and positions are in units of L.
-        """
+    def traced(self, intervals: int) -> TracedRod:
+        """Sample the rod in `intervals` + 1 rows, one of them at every contact."""
         rod = self.problem.rod
         order = sorted(self.contacts, key=lambda index: self.contacts[index].s)
         guesses = [self.contacts[index] for index in order]
@@ -269,7 +268,7 @@ class Equilibrium:
             rod.properties(self.clamp_from_world[:3, :3]),
             math.ceil(rod.steps / (2 * intervals)),
         )
-        return rows, states, dict(zip(order, map(int, marks[1:-1]), strict=True))
+        return TracedRod(rows, states, dict(zip(order, map(int, marks[1:-1]), strict=True)))
 
     def state(self, intervals: int) -> State:
         """Convert to the beam's state from clamp to tip, in SI, with a row at every contact."""
