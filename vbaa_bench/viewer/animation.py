@@ -11,7 +11,7 @@ import numpy as np
 from solver.instrument.errors import InputError
 from vbaa_bench.report.gallery import colours_of
 from vbaa_bench.viewer.drawn_frame import draw_frame
-from vbaa_bench.viewer.ellipse_plot import ellipse_plot
+from vbaa_bench.viewer.ellipses import ellipse_plot
 from vbaa_bench.viewer.frames import ViewedDataset
 
 Progress = Callable[[int], None]

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from solver.instrument.arrays import Grey
+from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.images import read_grey
+from solver.instrument.units import DEGREE
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.frame_index import FrameIndex, index_frames
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_manifest, read_rows
+from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
 from vbaa_bench.scoring.overlay import Overlay, overlay_of
 from vbaa_bench.scoring.predictions import read_predictions
 from vbaa_bench.scoring.results_layout import Results
@@ -47,6 +49,11 @@ class ViewedFrame:
             if row["x_c_mm"] is not None
         }
         return overlay_of(self.truth, self.row, self.image, distances)
+
+    @cached_property
+    def frame_from_clamp(self) -> Floats:
+        """Transform (4, 4) from the clamp's frame to that in which the camera is fixed."""
+        return camera_frame_from_clamp(self.truth, self.row["true_motor_angle_deg"] * DEGREE)
 
     @property
     def title(self) -> str:

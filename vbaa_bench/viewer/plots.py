@@ -8,13 +8,13 @@ import numpy as np
 
 from vbaa_bench.report import palette
 from vbaa_bench.report.numbers import short
-from vbaa_bench.viewer.ellipse_plot import HALF, ellipse_plot
+from vbaa_bench.viewer.ellipses import AXES, HALF, TICKS, ellipse_plot
 from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
 from vbaa_bench.viewer.log import Log, present, rgb
 
 # Name of the truth beside those of the methods.
 _TRUE: Final = "true"
-_AXES: Final = "#8a9199"
+_FAINT: Final = "#8a9199"
 _HEAD: Final = "| method | x_c, mm | +- | force, mN | +- | outcome |\n|---|---:|---:|---:|---:|---|"
 
 
@@ -67,11 +67,8 @@ class Plots:
                 self._style(f"{series.name}/{_TRUE}", palette.TRUTH, 3.0)
             for method in self._methods[series.name]:
                 self._style(f"{series.name}/{method}", self._colours[method], 1.5)
-        log, rr, ticks = self._log, self._log.rr, range(-HALF, HALF + 1)
-        axes: list[list[tuple[float, float]]] = [[(-HALF, 0), (HALF, 0)], [(0, -HALF), (0, HALF)]]
-        axes += [[(tick, -0.1), (tick, 0.1)] for tick in ticks]
-        axes += [[(-0.1, tick), (0.1, tick)] for tick in ticks]
-        log.lines("errors/axes", axes, _AXES, 0.7, static=True)
+        log, rr = self._log, self._log.rr
+        log.lines("errors/axes", [*AXES, *TICKS], _FAINT, 0.7, static=True)
         labels = [
             f"x_c + {HALF * self._plot.x_c_mm:g} mm",
             f"force + {HALF * self._plot.force_pct:g} %",
@@ -79,7 +76,7 @@ class Plots:
         ends = rr.Points2D(
             [(HALF - 0.6, 0.8), (1.4, 0.3 - HALF)],
             labels=labels,
-            colors=rgb(_AXES),
+            colors=rgb(_FAINT),
             radii=rr.Radius.ui_points(0.0),
             show_labels=True,
         )

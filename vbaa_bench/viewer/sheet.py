@@ -8,9 +8,8 @@ import numpy as np
 from vbaa_bench.report.gallery import Colours, colours_of
 from vbaa_bench.report.numbers import signed
 from vbaa_bench.viewer.animation import Progress
-from vbaa_bench.viewer.drawn_frame import drawn_image
+from vbaa_bench.viewer.drawn_frame import BOLD, FAINT, INK, PAPER, drawn_image, write
 from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
-from vbaa_bench.viewer.text import BOLD, FAINT, INK, PAPER, write
 
 # Chosen: a sheet for a screen, on which the rings of the estimates are distinct.
 MAX_TILES: Final = 30

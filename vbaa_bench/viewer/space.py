@@ -6,11 +6,10 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
-from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.instrument.units import MILLIMETRE
 from vbaa_bench.report import palette
-from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
 from vbaa_bench.viewer.bodies import Bodies
-from vbaa_bench.viewer.contact import estimated_contact
+from vbaa_bench.viewer.ellipses import estimated_contact
 from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
 from vbaa_bench.viewer.log import Log, present, rgb
 
@@ -66,7 +65,7 @@ class Space:
     def frame(self, frame: ViewedFrame, colours: dict[str, str]) -> None:
         """Write beam, bodies, force, and true and estimated contacts of a frame."""
         log, rr, row = self._log, self._log.rr, frame.row
-        transform = camera_frame_from_clamp(frame.truth, row["true_motor_angle_deg"] * DEGREE)
+        transform = frame.frame_from_clamp
         line = np.column_stack([row[f"centreline_{axis}_mm"] for axis in "xyz"]) * MILLIMETRE
         beam = apply(transform, line) / MILLIMETRE
         strip = rr.LineStrips3D([beam], colors=rgb(palette.TRUTH), radii=self._radius)
@@ -114,5 +113,4 @@ def _field(data: ViewedDataset) -> Floats:
     camera = data.truth.camera
     u, v = camera.width - 0.5, camera.height - 0.5
     corners = np.array([(-0.5, -0.5), (u, -0.5), (u, v), (-0.5, v), (-0.5, -0.5)])
-    on_plane = np.column_stack([corners, np.ones(5)]) @ camera.plane_from_pixels.T
-    return np.column_stack([on_plane[:, :2] / on_plane[:, 2:], np.zeros(5)]) / MILLIMETRE
+    return camera.on_plane(corners) / MILLIMETRE

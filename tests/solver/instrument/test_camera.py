@@ -27,7 +27,9 @@ def test_directions_point_to_the_lens_or_along_the_parallel_rays() -> None:
     distance = np.linalg.norm(PLACE - points, axis=1)
     np.testing.assert_allclose(points + distance[:, None] * directions, [PLACE, PLACE])
     parallel = MICROSCOPE.directions_from(points)
-    np.testing.assert_allclose(MICROSCOPE.project(points + 0.1 * parallel), MICROSCOPE.project(points))
+    np.testing.assert_allclose(
+        MICROSCOPE.project(points + 0.1 * parallel), MICROSCOPE.project(points)
+    )
     np.testing.assert_allclose(np.linalg.norm(parallel, axis=1), 1.0)
 
 

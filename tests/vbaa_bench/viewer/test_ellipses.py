@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from vbaa_bench.viewer.ellipse_plot import RADIUS, EllipsePlot, ellipse, ellipse_plot
+from vbaa_bench.viewer.ellipses import RADIUS, EllipsePlot, ellipse, ellipse_plot
 
 SIGMAS, CORRELATION = (0.3, 2.0), -0.7
 COVARIANCE = np.array([[0.09, -0.42], [-0.42, 4.0]])

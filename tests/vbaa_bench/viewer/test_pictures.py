@@ -13,7 +13,7 @@ from vbaa_bench.report.gallery import TRUTH, Colours, colours_of
 from vbaa_bench.viewer import animation
 from vbaa_bench.viewer.animation import gif, mp4
 from vbaa_bench.viewer.drawn_frame import draw_frame
-from vbaa_bench.viewer.ellipse_plot import ellipse_plot
+from vbaa_bench.viewer.ellipses import ellipse_plot
 from vbaa_bench.viewer.frames import ViewedDataset, open_frames
 from vbaa_bench.viewer.sheet import contact_sheet
 

@@ -1,17 +1,16 @@
-"""Plot of the errors of contact distance and force, with the ellipses that contain 95 % of them."""
+"""Ellipses that contain 95 % of the errors: in the plot of x_c and force, and at contact points."""
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-import cv2
 import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.report.gallery import Colours
+from solver.instrument.transforms import apply
+from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.viewer.frames import ViewedFrame
-from vbaa_bench.viewer.text import FAINT, PAPER, Colour, write, write_right
 
 # The 95 % quantile of chi-squared with two degrees of freedom is -2 ln(1 - 0.95).
 RADIUS: Final = math.sqrt(-2 * math.log(0.05))
@@ -21,9 +20,12 @@ HALF: Final = 5
 # Divisions over which the typical ellipse extends from its middle. Chosen: a rim for other ones.
 _TYPICAL: Final = 2.0
 _SIGMAS: Final = ("x_c_sigma_mm", "force_sigma_n")
-# The rim of the panel, in divisions beyond the ends of the axes.
-_RIM: Final = 0.3
-_BITS: Final = 4  # of a fraction of a pixel
+# Axes of the plot and their ticks, lines in divisions.
+AXES: Final = [[(-HALF, 0.0), (HALF, 0.0)], [(0.0, -HALF), (0.0, HALF)]]
+TICKS: Final = [
+    *([(tick, -0.1), (tick, 0.1)] for tick in range(-HALF, HALF + 1)),
+    *([(-0.1, tick), (0.1, tick)] for tick in range(-HALF, HALF + 1)),
+]
 
 
 class PlottedError(NamedTuple):
@@ -88,43 +90,34 @@ def _rounded(value: float) -> float:
     return float(next(step for step in (1, 2, 5, 10) if step * power >= 0.999 * value) * power)
 
 
-def error_panel(
-    frame: ViewedFrame, colours: Colours, plot: EllipsePlot, side_px: int
-) -> np.ndarray:
-    """Draw the errors of x_c and force in a square (side_px, side_px, 3), BGR.
+class EstimatedContact(NamedTuple):
+    """Contact point (3,) and its 95 % ellipse (n, 3) in plane D, in the camera's frame [m].
 
-    An estimate beyond the rim is not drawn, but its ellipse may reach into the panel.
+    The ellipse is None if a sigma or the correlation of x_c and y_c is not stated.
     """
-    panel = np.full((side_px, side_px, 3), PAPER, np.uint8)
-    for tick in range(-HALF, HALF + 1):
-        _line(panel, np.array([(tick, -0.1), (tick, 0.1)]), FAINT)
-        _line(panel, np.array([(-0.1, tick), (0.1, tick)]), FAINT)
-    _line(panel, np.array([(-HALF, 0.0), (HALF, 0.0)]), FAINT)
-    _line(panel, np.array([(0.0, -HALF), (0.0, HALF)]), FAINT)
-    for method, colour in colours.items():
-        row = frame.estimates.get(method)
-        placed = None if row is None else plot.place(row, frame.row)
-        if placed is None:
-            continue
-        if placed.ellipse is not None:
-            _line(panel, placed.ellipse, colour)
-        if np.abs(placed.point).max() <= HALF + _RIM:
-            ((u, v),) = _place(placed.point[None], side_px)
-            cv2.circle(panel, (int(u), int(v)), 4 << _BITS, colour, -1, cv2.LINE_AA, _BITS)
-    middle = side_px // 2
-    write(panel, f"force +{HALF * plot.force_pct:g} %", (middle + 10, 20), FAINT, 14)
-    write_right(panel, f"x_c +{HALF * plot.x_c_mm:g} mm", (side_px - 4, middle + 26), FAINT, 14)
-    return panel
+
+    point: Floats
+    ellipse: Floats | None
 
 
-def _line(panel: np.ndarray, points: Floats, colour: Colour) -> None:
-    path = [_place(points, panel.shape[0])]
-    cv2.polylines(panel, path, False, colour, 1, cv2.LINE_AA, _BITS)
+def estimated_contact(frame: ViewedFrame, method: str) -> EstimatedContact | None:
+    """Place a method's contact point in the frame in which the camera is fixed.
 
+    Return None if x_c or y_c is not estimated. A method that does not estimate psi assumes 0.
+    """
+    row = frame.estimates.get(method)
+    if row is None or row["x_c_mm"] is None or row["y_c_mm"] is None:
+        return None
+    psi = (row["psi_deg"] or 0.0) * DEGREE
+    in_plane = np.array([row["x_c_mm"], row["y_c_mm"]])
 
-def _place(points: Floats, side_px: int) -> np.ndarray:
-    """Convert divisions (n, 2), right and down, to fractions of pixels; far ones are cut off."""
-    scale = side_px / (2 * (HALF + _RIM))
-    # OpenCV's fractions of pixels overflow beyond 2^27.
-    pixels = np.clip(side_px / 2 + scale * np.asarray(points), -1e5, 1e5)
-    return np.asarray(np.rint(pixels * 2**_BITS), np.int32)
+    def in_space(points: Floats) -> Floats:
+        x, y = points.T * MILLIMETRE
+        in_clamp = np.column_stack([x, y * np.cos(psi), y * np.sin(psi)])
+        return apply(frame.frame_from_clamp, in_clamp)
+
+    (point,) = in_space(in_plane[None])
+    sigmas, correlation = (row["x_c_sigma_mm"], row["y_c_sigma_mm"]), row["x_c_y_c_correlation"]
+    if None in sigmas or correlation is None or abs(correlation) > 1:
+        return EstimatedContact(point, None)
+    return EstimatedContact(point, in_space(in_plane + ellipse(sigmas, correlation)))
