@@ -1,10 +1,11 @@
 """The card of an export: README.md, with what the data are, their columns and their licence."""
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 from vbaa_bench.dataset.column import markdown
-from vbaa_bench.exports.columns import described
+from vbaa_bench.exports.columns import description
 from vbaa_bench.exports.format import Format
 from vbaa_bench.exports.source import Source
 
@@ -81,9 +82,14 @@ def card(source: Source, chosen: Format) -> str:
         layout=chosen.layout,
         digest=source.digest,
         bits=" or ".join(map(str, depths)),
-        readings=markdown(described(["push_id", "step", *schema.readings])),
-        labels=markdown(described(schema.labels)),
+        readings=_described(["push_id", "step", *schema.readings]),
+        labels=_described(schema.labels),
         licence=DATA_LICENCE,
         licence_url=DATA_LICENCE_URL,
         paper=PAPER,
     )
+
+
+def _described(names: Sequence[str]) -> str:
+    """Tabulate the entries of columns in the data dictionary."""
+    return markdown({name: description(name) for name in names})

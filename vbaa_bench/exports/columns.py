@@ -94,11 +94,6 @@ def _common(name: str, one: pl.DataType, two: pl.DataType) -> pl.DataType:
     return pl.String()
 
 
-def described(names: Iterable[str]) -> dict[str, Column]:
-    """Return the entries of the data dictionary for columns, by their names."""
-    return {name: description(name) for name in names}
-
-
 def description(name: str) -> Column:
     """Return the entry of the data dictionary for a column."""
     entries = {**TRUTH, **READINGS, **PLACE}

@@ -14,7 +14,7 @@ count all frames of the export, so that they hold in all files (compare lerobot 
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -23,12 +23,11 @@ import polars as pl
 from solver.instrument.arrays import Grey
 from solver.instrument.files import write_text
 from solver.instrument.images import to_grey
-from vbaa_bench.exports.columns import CENTRELINE
+from vbaa_bench.exports.columns import CENTRELINE, VECTORS, Schema
 from vbaa_bench.exports.format import Exported, Format
-from vbaa_bench.exports.lerobot_features import IMAGE, lerobot_features
 from vbaa_bench.exports.lerobot_stats import Stats, combined, image_stats, value_stats
 from vbaa_bench.exports.output import Record
-from vbaa_bench.exports.parquet import features, image_column, write_parquet
+from vbaa_bench.exports.parquet import TYPE_NAMES, features, image_column, write_parquet
 from vbaa_bench.exports.parts import Cut, Frame, Part
 from vbaa_bench.exports.source import Source
 
@@ -41,7 +40,55 @@ _FPS: Final = 1
 _FILE_BYTES: Final = 32_000_000
 # Frames per file. Chosen: the statistics of an episode take 100 kB until its file is written.
 _FILE_FRAMES: Final = 2_000
-_NUMBERING: Final = ("index", "episode_index", "frame_index", "timestamp", "task_index")
+_IMAGE: Final = "observation.image"
+_STATE: Final = "observation.state"
+_ACTION: Final = "action"
+# Readings that are no state: an interval of the image to leave out, which may be null.
+_INTERVAL: Final = ("removed_from_mm", "removed_to_mm")
+_ENCODER: Final = "motor_angle_deg"
+# Features that every LeRobot dataset has.
+_USUAL: Final = {
+    "timestamp": pl.Float32(),
+    "frame_index": pl.Int64(),
+    "episode_index": pl.Int64(),
+    "index": pl.Int64(),
+    "task_index": pl.Int64(),
+}
+
+
+class Feature(NamedTuple):
+    """A feature: its columns of the table, and the type of its values.
+
+    A feature of several columns, and one of a vector, has `size` values; others one.
+    """
+
+    columns: tuple[str, ...]
+    dtype: pl.DataType
+    size: int = 1
+
+    @property
+    def values(self) -> pl.Expr:
+        """The feature's column: a missing number is NaN, a missing text is empty."""
+        (first, *others), missing = self.columns, pl.lit(float("nan"))
+        if self.dtype == pl.String():
+            return pl.col(first).fill_null("")
+        if others or (self.size > 1 and first not in VECTORS):
+            return pl.concat_list(self.columns).cast(pl.List(self.dtype))
+        if self.size > 1:
+            return pl.col(first).fill_null(pl.concat_list([missing] * self.size))
+        filled = pl.col(first).fill_null(missing) if self.dtype.is_float() else pl.col(first)
+        return filled.cast(self.dtype)
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """The entry of meta/info.json."""
+        names = list("xyz") if self.columns[0] in VECTORS else list(self.columns)
+        text = self.dtype == pl.String()
+        return {
+            "dtype": TYPE_NAMES[self.dtype],
+            "shape": [self.size],
+            "names": None if text else names,
+        }
 
 
 class LeRobot(Format):
@@ -75,13 +122,13 @@ image, action = frames[0]["observation.image"], frames[0]["action"]
 
     def write_part(self, folder: Path, part: Part) -> Record:
         """Write one file of frames, and the file of its episodes."""
-        chosen = lerobot_features(part.source)
         labels = part.table.with_columns(
             pl.struct("rig", "push_id").rle_id().cast(pl.Int64).alias("_episode")
         )
         lengths = labels["_episode"].value_counts(sort=False).sort("_episode")["count"].to_list()
         steps = np.concatenate([np.arange(length) for length in lengths])
-        table = chosen.table(part.table).with_columns(
+        chosen = (one.values.alias(name) for name, one in _features(part.source).items())
+        table = part.table.select(chosen).with_columns(
             pl.Series("timestamp", steps / _FPS, dtype=pl.Float32),
             pl.Series("frame_index", steps, dtype=pl.Int64),
             labels["_episode"].alias("episode_index") + part.first_push,
@@ -94,10 +141,10 @@ image, action = frames[0]["observation.image"], frames[0]["action"]
             grays = [_gray(next(frames)) for _ in range(length)]
             images += [(f"frame-{i:06d}.png", _png(gray)) for i, gray in enumerate(grays)]
             episode = table[begin : begin + length]
-            per_episode.append({IMAGE: image_stats(grays), **_stats(episode)})
+            per_episode.append({_IMAGE: image_stats(grays), **_stats(episode)})
             begin += length
         place = _file(part)
-        table = table.insert_column(0, image_column(IMAGE, images))
+        table = table.insert_column(0, image_column(_IMAGE, images))
         write_parquet(folder / "data" / place, table, {"huggingface": features(table.schema)})
         write_parquet(
             folder / "meta" / "episodes" / place, _episodes(part, lengths, per_episode), {}
@@ -125,7 +172,7 @@ image, action = frames[0]["observation.image"], frames[0]["action"]
             "splits": splits,
             "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
             "video_path": None,
-            "features": lerobot_features(source).info(),
+            "features": _described(source),
         }
         parts = [_arrays(record["stats"]) for record in records]
         stats = {name: combined([part[name] for part in parts]) for name in parts[0]}
@@ -156,7 +203,7 @@ image, action = frames[0]["observation.image"], frames[0]["action"]
         """Check totals, numbering, offsets of episodes, splits and the ranges of statistics."""
         info, episodes = _info(folder), _stored_episodes(folder)
         files = sorted((folder / "data").glob("*/*.parquet"))
-        frames = pl.concat([pl.read_parquet(file, columns=list(_NUMBERING)) for file in files])
+        frames = pl.concat([pl.read_parquet(file, columns=list(_USUAL)) for file in files])
         totals = {
             "total_frames": frames.height,
             "total_episodes": episodes.height,
@@ -211,6 +258,57 @@ _PANDAS: Final = {
     ],
     "pandas_version": "2.0.0",
 }
+
+
+def _features(source: Source) -> dict[str, Feature]:
+    """Choose all features of a source except the image and the usual ones.
+
+    The state has all readings, the action is the motor angle: the encoder's or, if the camera is
+    fixed in the world and there is no encoder, the true one. Lists of varying length are left out.
+    """
+    schema, rigs = source.schema, source.rigs.values()
+    fixed = any(rig.stated("camera.mount") == "world" for rig in rigs)
+    without = {*_INTERVAL, _ENCODER} if fixed else {*_INTERVAL}
+    state = tuple(name for name in schema.readings if name not in without)
+    angle = "true_motor_angle_deg" if fixed else _ENCODER
+    features = {_ACTION: Feature((angle,), pl.Float32())}
+    if state:
+        features[_STATE] = Feature(state, pl.Float32(), len(state))
+    names = ["rig", "frame_id", "split", "push_id", "step"]
+    features |= {name: _single(schema, name) for name in names}
+    readings = [name for name in _INTERVAL if name in schema.types]
+    features |= {f"reading.{name}": _single(schema, name) for name in readings}
+    labels = [
+        name
+        for name in schema.labels
+        if name in VECTORS or not isinstance(schema.types[name], pl.List)
+    ]
+    features |= {f"truth.{name}": _single(schema, name) for name in labels}
+    return features
+
+
+def _single(schema: Schema, name: str) -> Feature:
+    if name in VECTORS:
+        return Feature((name,), pl.Float64(), 3)
+    # Whole numbers of the truth may be null, as the contact's row, which NaN stands for.
+    dtype = schema.types[name]
+    return Feature((name,), pl.Float64() if dtype == pl.Int64() and name != "step" else dtype)
+
+
+def _described(source: Source) -> dict[str, Any]:
+    """Describe all features of a source, whose images have one size, for meta/info.json."""
+    camera = next(iter(source.rigs.values())).camera
+    image = {
+        "dtype": "image",
+        "shape": [camera.height, camera.width, 3],
+        "names": ["height", "width", "channels"],
+    }
+    usual = {
+        name: {"dtype": TYPE_NAMES[dtype], "shape": [1], "names": None}
+        for name, dtype in _USUAL.items()
+    }
+    chosen = {name: feature.description for name, feature in _features(source).items()}
+    return {_IMAGE: image, **chosen, **usual}
 
 
 def _file(part: Part) -> str:
@@ -277,12 +375,12 @@ def _exported(row: dict[str, Any], features: dict[str, Any], split: str) -> Expo
             values[name.partition(".")[2]] = value
     values |= {name: row[name] for name in ("rig", "frame_id", "split", "push_id", "step")}
     # The action is in single precision, as the state; where both have the motor angle they agree.
-    for name in ("observation.state", "action"):
+    for name in (_STATE, _ACTION):
         if name in features:
             numbers = np.atleast_1d(row[name]).astype(np.float32)
             values |= dict(zip(features[name]["names"], numbers, strict=True))
     key = row["frame_id"] if row["rig"] == "rig" else f"{row['rig']}_{row['frame_id']}"
-    return Exported(key, split, row["observation.image"]["bytes"], values)
+    return Exported(key, split, row[_IMAGE]["bytes"], values)
 
 
 def _info(folder: Path) -> dict[str, Any]:
