@@ -79,7 +79,7 @@ def _tables(source: Source, split: str, cut: Cut) -> Iterator[pl.DataFrame]:
     size = frames = 0
     chosen = source.index.filter(pl.col("split") == split)
     for (name,), frames_of_rig in chosen.group_by("rig", maintain_order=True):
-        table = in_push_order(frames_of_rig) if cut.whole_pushes else frames_of_rig
+        table = _in_push_order(frames_of_rig) if cut.whole_pushes else frames_of_rig
         begin = end = 0
         for unit in _units(source.rigs[str(name)], table, cut.whole_pushes):
             too_large = size + unit.size > cut.most_bytes or frames + unit.rows > cut.most_frames
@@ -111,7 +111,7 @@ def _units(rig: Rig, table: pl.DataFrame, whole_pushes: bool) -> Iterator[_Unit]
         yield _Unit(len(sizes), sum(sizes))
 
 
-def in_push_order(table: pl.DataFrame) -> pl.DataFrame:
+def _in_push_order(table: pl.DataFrame) -> pl.DataFrame:
     """Sort frames by push, in the order of their first frames, then by step."""
     first = pl.col("row").min().over("push_id")
     return table.with_row_index("row").sort(first, "step").drop("row")

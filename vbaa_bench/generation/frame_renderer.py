@@ -49,6 +49,7 @@ from vbaa_bench.sensor.from_spec import (
     flicker,
     image_sensor,
     metered_exposure,
+    metered_peak,
     unsaturated_exposure,
 )
 from vbaa_bench.sensor.ideal import Ideal
@@ -154,18 +155,12 @@ class FrameRenderer:
         return self._last_world.posed_world(pose)
 
     def measure_exposure(self) -> float:
-        """Meter the exposure on the brightest hundredth of the resting beam.
-
-        If the brightest tenth of the image is brighter, such as a panel behind the beam, it is used
-        instead. The exposure puts this radiance at the gray value that the scene sets.
-        """
+        """Meter the exposure on the image of the resting beam."""
         seed = render_seed(self.scene, "exposure")
         target = self._noise_target(lambda radiance: METERING_NOISE * radiance)
         rendered = render_frame(self.rest_world(0), None, target, seed)
         light = self.vignetting * rendered.radiance
-        beam = float(np.quantile(light[rendered.core], 0.99))
-        peak = max(beam, float(np.quantile(light, 0.9)))
-        return metered_exposure(self.scene.sensor, peak)
+        return metered_exposure(self.scene.sensor, metered_peak(light[rendered.core], light))
 
     def meter(self, specs: Sequence[FrameSpec]) -> Metering:
         """Measure the exposure, and learn from some frames how many samples pixels need."""

@@ -24,6 +24,7 @@ from vbaa_bench.render.reflection import Reflection
 from vbaa_bench.scene.lights.emitter import Emitter
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.sensor.from_spec import metered_peak
 from vbaa_bench.sensor.vignetting import relative_illumination
 
 # Offsets across the beam at which the radiance is computed. Measured: twice as many change the
@@ -31,8 +32,6 @@ from vbaa_bench.sensor.vignetting import relative_illumination
 _OFFSETS: Final = 16
 # Pixels along each side of the image in which the background is evaluated for the exposure.
 _GRID: Final = 12
-# The exposure is metered as in `generation.frame_renderer`.
-_BEAM_PEAK, _IMAGE_PEAK = 0.99, 0.9
 
 
 @dataclass(frozen=True)
@@ -46,25 +45,25 @@ class LitBeam:
         """The scene."""
         return self.assembler.scene
 
-    def surfaces(self, rod: Rod, camera: Camera, places: Sections) -> list[SurfaceProfile]:
+    def surfaces(self, rod: Rod, camera: Camera, sections: Sections) -> list[SurfaceProfile]:
         """Compute the radiance across the beam's image at n sections, and beside it."""
-        towards = camera.directions_from(places.points)
+        towards = camera.directions_from(sections.points)
         # Across the tangent and the ray; then nearest to the camera.
-        across = np.cross(places.tangents, towards)
+        across = np.cross(sections.tangents, towards)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
-        nearest = np.cross(across, places.tangents)
+        nearest = np.cross(across, sections.tangents)
         sides = [
             visible_side(rod, s, axes, a, c, _OFFSETS)
-            for s, axes, a, c in zip(places.s, places.axes, across, nearest, strict=True)
+            for s, axes, a, c in zip(sections.s, sections.axes, across, nearest, strict=True)
         ]
         half = np.array([side.half_width for side in sides])[:, None]
-        ends = [camera.project(places.points + sign * half * across) for sign in (-1, 1)]
+        ends = [camera.project(sections.points + sign * half * across) for sign in (-1, 1)]
         normal = (ends[1] - ends[0]) / 2
         half_px = np.linalg.norm(normal, axis=1)
         pixels = (ends[0] + ends[1]) / 2
         arriving = self._light_of(camera, pixels)[:, None]
         normals = np.concatenate([side.normals for side in sides])
-        points, to_camera = (np.repeat(x, _OFFSETS, axis=0) for x in (places.points, towards))
+        points, to_camera = (np.repeat(x, _OFFSETS, axis=0) for x in (sections.points, towards))
         paint = self.scene.beam
         lit = self._reflection.radiance(paint, points, normals, to_camera)
         diffuse = lit
@@ -76,8 +75,8 @@ class LitBeam:
             diffuse = self.dirt.mean_diffuse * (lit - specular)
             lit = diffuse + self.dirt.mean_specular * specular
         lit, diffuse = (arriving * part.reshape(len(sides), _OFFSETS) for part in (lit, diffuse))
-        behind = arriving[:, 0] * self.background(camera, places.points)
-        spread = self._spread(camera, places.points)
+        behind = arriving[:, 0] * self.background(camera, sections.points)
+        spread = self._spread(camera, sections.points)
         return [
             SurfaceProfile(
                 lit[i], float(behind[i]), width, normal[i] / width, float(spread[i]), diffuse[i]
@@ -106,7 +105,6 @@ class LitBeam:
         for surface in self.surfaces(rod, camera, at_rest):
             profile = gray_profile(surface)
             levels.append(profile.mean[profile.cover >= 0.5 * profile.cover.max()])
-        beam = float(np.quantile(np.concatenate(levels), _BEAM_PEAK))
         u, v = np.meshgrid(
             *(
                 (np.arange(_GRID) + 0.5) / _GRID * side - 0.5
@@ -115,7 +113,7 @@ class LitBeam:
         )
         pixels = np.column_stack([u.ravel(), v.ravel()])
         grid = self.background(camera, camera.on_plane(pixels)) * self._light_of(camera, pixels)
-        return max(beam, float(np.quantile(grid, _IMAGE_PEAK)))
+        return metered_peak(np.concatenate(levels), grid)
 
     def _light_of(self, camera: Camera, pixels: Floats) -> Floats:
         """Compute the fraction of the light that the lens transmits to pixels (n, 2)."""

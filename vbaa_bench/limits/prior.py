@@ -18,12 +18,8 @@ from vbaa_bench.scene.schema import Scene
 
 def uncertain_parameters(scene: Scene) -> tuple[str, ...]:
     """List the parameters of clamp and beam that are uncertain in a scene."""
-    tolerances = nominal_rig(scene).tolerances
-    names = [*(CLAMP[:3] if tolerances.base_position else ())]
-    names = names or [CLAMP[0]] * bool(scene.tolerances.grip_mm)
-    names += [BEAM[0]] if tolerances.beam_length else []
-    names += [BEAM[1]] if tolerances.flexural_rigidity else []
-    return (*names, *uncertain_shape(scene))
+    of_rig = (name for name in rig_prior(scene).names if name not in BOARD)
+    return (*of_rig, *uncertain_shape(scene))
 
 
 def uncertain_shape(scene: Scene) -> tuple[str, ...]:
@@ -40,7 +36,7 @@ def rig_prior(scene: Scene) -> Information:
     stated = nominal_rig(scene).tolerances
     sigmas = dict.fromkeys(CLAMP[:3], stated.base_position)
     sigmas[CLAMP[0]] = math.hypot(stated.base_position, scene.tolerances.grip_mm * MILLIMETRE)
-    sigmas |= {"length": stated.beam_length, "rigidity": stated.flexural_rigidity}
+    sigmas |= dict(zip(BEAM, (stated.beam_length, stated.flexural_rigidity), strict=True))
     sigmas |= dict.fromkeys(BOARD[:3], stated.board_rotation)
     sigmas |= dict.fromkeys(BOARD[3:], stated.board_translation)
     return Information.of_priors(sigmas)

@@ -49,8 +49,7 @@ class RigInformation:
         imaged, state = self._at_rest
         neighbours = imaged.neighbours(self.parameters(self.rig.camera))
         count = self.scene.sensor.rest_images
-        places = self.of_places(imaged, state, np.ones(PLACES), images=count)
-        images = image_information(image_shape(imaged, neighbours), places)
+        images = self.of_image(imaged, state, neighbours, np.ones(PLACES), images=count)
         rest = images.eliminated({"brightness", "background"})
         board = board_information(self._lit.assembler, self.exposure)
         return self._tolerances + shape_prior(self.scene) + board + rest
@@ -62,12 +61,13 @@ class RigInformation:
         neighbours: Mapping[str, Neighbours],
         visible: Floats,
         scene: Scene | None = None,
+        images: int = 1,
     ) -> Information:
-        """Compute the information of one image on the parameters of `neighbours` and APPEARANCE.
+        """Compute the information of images on the parameters of `neighbours` and APPEARANCE.
 
         Arguments are those of `of_places`.
         """
-        places = self.of_places(imaged, state, visible, scene)
+        places = self.of_places(imaged, state, visible, scene, images)
         return image_information(image_shape(imaged, neighbours), places)
 
     def of_places(
@@ -95,8 +95,8 @@ class RigInformation:
     def exposure(self) -> float:
         """Exposure as metered on the beam at rest."""
         imaged, state = self._at_rest
-        places = sections(imaged, state, np.linspace(0.05, 0.95, _PROFILES))
-        peak = self._lit.peak_radiance(imaged.rod, self.rig.camera, places)
+        metered = sections(imaged, state, np.linspace(0.05, 0.95, _PROFILES))
+        peak = self._lit.peak_radiance(imaged.rod, self.rig.camera, metered)
         return metered_exposure(self.scene.sensor, peak)
 
     @cached_property
@@ -132,7 +132,7 @@ class RigInformation:
 
         length_px = float(np.linalg.norm(np.diff(imaged.pixels, axis=0), axis=1).sum())
         dirt = lit.dirt if draws_new_grime(self.scene) else None
-        known = np.array([_seen(surface, variance, dirt, length_px) for surface in surfaces])
+        known = np.array([_of_surface(surface, variance, dirt, length_px) for surface in surfaces])
         of_places = interpolated(FRACTIONS[1:-1], at, known.reshape(len(at), -1))
         of_tip = tip_information(surfaces[-1], BeamEnd.of(imaged), variance)
         return of_places.reshape(PLACES, 4, 4), of_tip
@@ -152,7 +152,7 @@ class RigInformation:
         return LitBeam(SceneAssembler(scene, self.rig, self.folder))
 
 
-def _seen(
+def _of_surface(
     surface: SurfaceProfile,
     variance: Callable[[Floats], Floats],
     dirt: Dirt | None,

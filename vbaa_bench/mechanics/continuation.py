@@ -40,7 +40,7 @@ TWO_EDGES = (
 def free(problem: RodContactProblem, step: Step) -> Equilibrium:
     """Solve for the beam at a step at which it touches nothing."""
     turned = problem.motor.clamp_from_world(step.size, step.drift)[:3, :3]
-    moment = np.cross([0.5, 0.0, 0.0], problem.rod.total_weight(turned))
+    moment = problem.rod.weight_moment(turned)
     return problem.solve(step, {}, np.array([*moment, step.size]))
 
 

@@ -69,7 +69,7 @@ def _state(
 
     strides = max(math.ceil(float(np.linalg.norm(load)) * place**2 / 2 / _STRIDE), 1)
     per_stride = np.cross([place, 0.0, 0.0], load) / strides
-    path = [_solved(left, np.cross([0.5, 0.0, 0.0], own), 0.0)]
+    path = [_solved(left, rod.weight_moment(turned), 0.0)]
     for number in range(1, strides + 1):
         start = path[-1] + per_stride if number == 1 else 2 * path[-1] - path[-2]
         path.append(_solved(left, start, number / strides))
@@ -98,16 +98,8 @@ def _state(
         object_shift=np.zeros(3),
         row=row,
     )
-    return State(
-        pushing_angle=angle,
-        contacts=(contact,),
-        base_force=-(load + own) * unit,
-        base_moment=-moment * unit * length,
-        centreline=np.column_stack([rows, states[:, :3]]) * length,
-        director=states[:, 3:6] if rod.oriented else None,
-        largest_strain=rod.largest_strain(rows, states),
-        residual=residual,
-    )
+    base_force = -(load + own) * unit
+    return State.of_rod(rod, rows, states, angle, (contact,), base_force, residual)
 
 
 def _solved(left: Callable[[Floats, float], Floats], start: Floats, share: float) -> Floats:

@@ -105,8 +105,8 @@ def loaded(
 
     straight = np.tile([1.0, 0.0, 0.0], (len(loads), 1))
     forces, couples = forces_and_couples(straight)
-    weight = np.cross([0.5, 0.0, 0.0], rod.total_weight(world))
-    moment = (np.cross(stops[:, None] * straight, forces) + couples).sum(axis=0) + weight
+    moment = (np.cross(stops[:, None] * straight, forces) + couples).sum(axis=0)
+    moment += rod.weight_moment(world)
     # Trial values may overflow; a residual that is not finite is an error below.
     with np.errstate(over="ignore", invalid="ignore"):
         solution = root(

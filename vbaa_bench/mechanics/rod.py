@@ -140,6 +140,13 @@ class Rod:
         weight = turned @ np.array(self.weight) * self.beam.length / self.force_unit
         return np.asarray(weight * (1 + c + c * c / 3))
 
+    def weight_moment(self, turned: Floats) -> Floats:
+        """Estimate the clamp's moment (3,) under the weight, as if the beam were straight and even.
+
+        It is in the beam's units, with the world `turned` (3, 3).
+        """
+        return np.cross([0.5, 0.0, 0.0], self.total_weight(turned))
+
     def largest_strain(self, rows: Floats, states: Floats) -> float:
         """Compute the largest bending strain of any fibre over `states` (n, 12)."""
         first, tangent, moment = states[:, 3:6], states[:, 6:9], states[:, 9:]

@@ -273,33 +273,25 @@ class Equilibrium:
     def state(self, intervals: int) -> State:
         """Convert to the beam's state from clamp to tip, in SI, with a row at every contact."""
         rod = self.problem.rod
-        length, unit = rod.beam.length, rod.force_unit
         rows, states, contact_rows = self.traced(intervals)
         forces = sum((contact.force for contact in self.contacts.values()), np.zeros(3))
-        weight = rod.total_weight(self.clamp_from_world[:3, :3]) * unit
-        return State(
-            pushing_angle=self.angle,
-            contacts=tuple(
-                Contact(
-                    s=contact.s,
-                    point=contact.section[:3],
-                    tangent=contact.section[6:9],
-                    normal=contact.touch.normal,
-                    lever=contact.touch.lever,
-                    force=contact.force,
-                    object_shift=contact.touch.shift,
-                    row=contact_rows[index],
-                    obstacle=index,
-                )
-                for index, contact in self.contacts.items()
-            ),
-            base_force=-forces - weight,
-            base_moment=-self.unknown[:3] * unit * length,
-            centreline=np.column_stack([rows, states[:, :3]]) * length,
-            director=states[:, 3:6] if rod.oriented else None,
-            largest_strain=rod.largest_strain(rows, states),
-            residual=self.residual,
+        weight = rod.total_weight(self.clamp_from_world[:3, :3]) * rod.force_unit
+        contacts = tuple(
+            Contact(
+                s=contact.s,
+                point=contact.section[:3],
+                tangent=contact.section[6:9],
+                normal=contact.touch.normal,
+                lever=contact.touch.lever,
+                force=contact.force,
+                object_shift=contact.touch.shift,
+                row=contact_rows[index],
+                obstacle=index,
+            )
+            for index, contact in self.contacts.items()
         )
+        base_force = -forces - weight
+        return State.of_rod(rod, rows, states, self.angle, contacts, base_force, self.residual)
 
 
 def _step_count(steps: int, stretch: float) -> int:

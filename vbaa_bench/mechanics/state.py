@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.instrument.arrays import Floats, frozen_floats
+from vbaa_bench.mechanics.rod import Rod
 
 MAX_RESIDUAL = 1e-8
 
@@ -95,6 +96,30 @@ class State:
         if self.director is not None:
             director = frozen_floats("director", self.director, (len(line), 3))
             object.__setattr__(self, "director", director)
+
+    @classmethod
+    def of_rod(
+        cls,
+        rod: Rod,
+        rows: Floats,
+        states: Floats,
+        pushing_angle: float,
+        contacts: tuple[Contact, ...],
+        base_force: Floats,
+        residual: float,
+    ) -> "State":
+        """Convert the states (n, 12) of a rod at its arc lengths `rows` (n,), both in its units."""
+        length = rod.beam.length
+        return cls(
+            pushing_angle=pushing_angle,
+            contacts=contacts,
+            base_force=base_force,
+            base_moment=-states[0, 9:] * rod.force_unit * length,
+            centreline=np.column_stack([rows, states[:, :3]]) * length,
+            director=states[:, 3:6] if rod.oriented else None,
+            largest_strain=rod.largest_strain(rows, states),
+            residual=residual,
+        )
 
     @property
     def tip(self) -> Floats:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.units import MICRO, PERCENT
 from vbaa_bench.scene.image_sensor import SensorSpec
@@ -26,6 +27,15 @@ def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
         return spec.beam_peak_pct * PERCENT / peak_radiance
     electrons = spec.peak_signal - spec.dark_signal
     return electrons / (spec.quantum_efficiency * peak_radiance)
+
+
+def metered_peak(beam: Floats, image: Floats) -> float:
+    """Return the radiance by which an exposure is metered, from that of a beam and of its image.
+
+    It is exceeded by the brightest hundredth of the beam, or by the brightest tenth of the image if
+    that is brighter, such as a panel behind the beam.
+    """
+    return max(float(np.quantile(beam, 0.99)), float(np.quantile(image, 0.9)))
 
 
 def unsaturated_exposure(spec: SensorSpec, exposure: float, peak_radiance: float) -> float:

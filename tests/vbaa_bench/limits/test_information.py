@@ -81,3 +81,10 @@ def test_a_pseudo_inverse_does_not_depend_on_units() -> None:
     np.testing.assert_allclose(
         pseudo_inverse(scaled) * np.outer(units, units), np.linalg.inv(LINE.matrix), rtol=1e-9
     )
+
+
+def test_a_sigma_of_zero_states_nothing() -> None:
+    stated = Information.of_priors({"a": 0.5, "b": 0.0})
+    assert stated.names == ("a",)
+    assert stated.matrix == pytest.approx(np.array([[4.0]]))
+    assert Information.of_priors({"b": 0.0}).names == ()
