@@ -43,7 +43,7 @@ CONTEXT: Final[Node] = {
         )
     },
 }
-_TYPES: Final = {
+TYPES: Final = {
     pl.String(): "sc:Text",
     pl.Float64(): "cr:Float64",
     pl.Int64(): "cr:Int64",
@@ -148,15 +148,14 @@ def file_set(name: str, media_type: str, includes: str, text: str) -> Node:
     }
 
 
-def record_set(name: str, text: str, fields: Iterable[Node], key: str | None = None) -> Node:
+def record_set(name: str, text: str, fields: Iterable[Node], key: str) -> Node:
     """Describe records; `key` is the field that identifies one."""
-    identified = {} if key is None else {"key": {"@id": f"{name}/{key}"}}
     return {
         "@type": "cr:RecordSet",
         "@id": name,
         "name": name,
         "description": text,
-        **identified,
+        "key": {"@id": f"{name}/{key}"},
         "field": list(fields),
     }
 
@@ -166,7 +165,7 @@ def column_field(records: str, name: str, dtype: pl.DataType, files: str) -> Nod
     shape = "3" if name in VECTORS else "-1"
     array = {"isArray": True, "arrayShape": shape} if isinstance(dtype, pl.List) else {}
     inner = pl.Float64() if array else dtype
-    return field(records, name, meaning(name), _TYPES[inner], extract(files, column=name)) | array
+    return field(records, name, meaning(name), TYPES[inner], extract(files, column=name)) | array
 
 
 def field(records: str, name: str, text: str, data_type: str, source: Node) -> Node:

@@ -7,12 +7,11 @@ folder tasks; Benjelloun et al., arXiv 2605.29786, 2026).
 from typing import Final
 
 from vbaa_bench.dataset.column import unit
-from vbaa_bench.exports.croissant_document import CONTEXT, Node
+from vbaa_bench.exports.croissant_document import CONTEXT, TYPES, Node
 from vbaa_bench.scoring.score_columns import PREDICTIONS
 from vbaa_bench.scoring.scored_quantities import X_C
 from vbaa_bench.scoring.statistics import SUMMARY, error_statistics
 
-_TEXTS: Final = ("frame_id", "outcome", "message", "information")
 PROBLEM: Final = (
     "Estimate from each image of a bent beam where the beam touches an object (contact distance"
     " x_c), how hard (force), in which plane (psi) and how stiff the object is (k_s), with a "
@@ -61,7 +60,7 @@ def task(dataset: str) -> Node:
             "description": " ".join(
                 filter(None, (column.meaning, f"[{unit(name)}]" if unit(name) else ""))
             ),
-            "dataType": "sc:Text" if name in _TEXTS else "cr:Float64",
+            "dataType": TYPES[column.kind.dtype],
         }
         for name, column in PREDICTIONS.items()
     ]

@@ -14,12 +14,12 @@ from solver.instrument.camera import Camera
 from solver.instrument.errors import DamageError, InputError, quoted, truncated
 from solver.instrument.hashes import HASHES, MEND, read_bytes, read_hashes
 from solver.instrument.images import image_head
+from vbaa_bench.dataset.column import Kind
+from vbaa_bench.dataset.dataset_columns import READINGS
 from vbaa_bench.dataset.layout import METADATA, Layout, shard_numbers
 from vbaa_bench.dataset.readers import Truth, open_manifest, read_shard
 from vbaa_bench.dataset.splits import split_names
 
-# Columns of metadata.csv that are no numbers.
-_TEXTS: Final = {"file_name", "frame_id", "push_id", "split"}
 # Files of a rig outside shards; other names in a hashes.json, such as ../name, are left out.
 _SINGLE: Final = re.compile(r"rig\.json|(calibration|rest)/\w[\w-]*\.png")
 # First columns of every table, which make the index of the frames.
@@ -118,10 +118,11 @@ def _readings(path: Path) -> pl.DataFrame:
     table = pl.read_csv(io.BytesIO(read_bytes(path)), infer_schema=False)
     if not table.height:
         return table
-    numbers = [name for name in table.columns if name not in {*_TEXTS, "step"}]
-    return table.drop("file_name").with_columns(
-        pl.col(numbers).cast(pl.Float64), pl.col("step").cast(pl.Int64)
-    )
+    table = table.drop("file_name")
+    kinds = {
+        name: READINGS[name].kind if name in READINGS else Kind.NUMBER for name in table.columns
+    }
+    return table.cast({name: kind.dtype for name, kind in kinds.items()})
 
 
 def _joined(metadata: Path, readings: pl.DataFrame, truth: pl.DataFrame) -> pl.DataFrame:

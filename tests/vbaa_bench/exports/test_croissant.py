@@ -67,5 +67,7 @@ def test_a_hugging_face_export_has_a_document_of_its_own(tmp_path: Path) -> None
     task = json.loads((out / "croissant_task.json").read_bytes())
     assert task["@type"] == "cr:TaskProblem"
     assert task["cr:input"]["@id"] == "croissant.json"
-    answer = {field["name"] for field in task["cr:output"]["cr:schema"]["field"]}
-    assert {"frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n"} <= answer
+    answer = {field["name"]: field["dataType"] for field in task["cr:output"]["cr:schema"]["field"]}
+    assert {"frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n"} <= answer.keys()
+    texts = {name for name, kind in answer.items() if kind == "sc:Text"}
+    assert texts == {"frame_id", "outcome", "message", "assumption"}
