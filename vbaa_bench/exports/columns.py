@@ -1,12 +1,11 @@
 """Columns of exported tables: their types, which of them are readings, and their descriptions."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError
 from vbaa_bench.dataset.column import Column, Kind
 from vbaa_bench.dataset.dataset_columns import JOINED, READINGS, TRUTH
 
@@ -60,38 +59,10 @@ class Schema:
         return [name for name in self.types if name not in other]
 
 
-def merged_schema(schemas: Iterable[Mapping[str, pl.DataType]]) -> Schema:
-    """Find one type for each column of several tables.
-
-    Whole and real numbers become real, texts and numbers become texts. Raises InputError.
-    """
-    types: dict[str, pl.DataType] = {}
-    for schema in schemas:
-        for name, dtype in schema.items():
-            types[name] = _common(name, types.get(name, pl.Null()), dtype)
-    return Schema(types)
-
-
 def _usual(dtype: pl.DataType) -> pl.DataType:
-    if not _unknown(dtype):
-        return dtype
-    return pl.List(pl.Float64()) if isinstance(dtype, pl.List) else pl.Float64()
-
-
-def _unknown(dtype: pl.DataType) -> bool:
-    return dtype in (pl.Null(), pl.List(pl.Null()))
-
-
-def _common(name: str, one: pl.DataType, two: pl.DataType) -> pl.DataType:
-    if one == two or _unknown(two):
-        return one
-    if _unknown(one):
-        return two
-    if one.is_numeric() and two.is_numeric():
-        return pl.Float64()
-    if one.is_nested() or two.is_nested():
-        raise InputError(f"the column {name} has the types {one} and {two}, allowed is one type")
-    return pl.String()
+    if dtype == pl.List(pl.Null()):
+        return pl.List(pl.Float64())
+    return pl.Float64() if dtype == pl.Null() else dtype
 
 
 def description(name: str) -> Column:

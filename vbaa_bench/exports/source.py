@@ -20,7 +20,7 @@ from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.overall_digest import dataset_digest
 from vbaa_bench.dataset.readers import check_complete
-from vbaa_bench.exports.columns import CENTRELINE, Schema, merged_schema
+from vbaa_bench.exports.columns import CENTRELINE, Schema
 from vbaa_bench.exports.rig import INDEX, Rig
 
 # Rows of shards that are kept after they were read. Chosen: 20 MB without centrelines; frames of a
@@ -126,11 +126,11 @@ def open_source(
         check_complete(Layout(root))
         rigs = {"rig": Rig("rig", Layout(root))}
     places = [(rig, number) for rig in rigs.values() for number in rig.shards()]
-    index, schema = [], Schema({})
+    index, columns = [], pl.DataFrame()
     for done, (rig, number) in enumerate(places, start=1):
         table = rig.frames(number)
         if table.height:
-            schema = merged_schema([schema.types, table.schema])
+            columns = _merged(root, columns, table.clear())
             index.append(table.select(INDEX))
         if done % _BATCH == 0:  # many small tables take more memory than one
             index = [pl.concat(index, rechunk=True)]
@@ -142,8 +142,16 @@ def open_source(
     names = frames.select("rig", "frame_id")
     if (twice := names.filter(names.is_duplicated())).height:
         raise InputError(f"{root}: the frame {quoted(twice['frame_id'][0])} is in two shards")
-    schema = schema.with_usual_types().with_centrelines(centrelines)
+    schema = Schema(dict(columns.schema)).with_usual_types().with_centrelines(centrelines)
     return Source(root, rigs, frames, schema, collection)
+
+
+def _merged(root: Path, one: pl.DataFrame, other: pl.DataFrame) -> pl.DataFrame:
+    """Merge the columns of two tables: of whole and real numbers, and of numbers and texts, too."""
+    try:
+        return pl.concat([one, other], how="diagonal_relaxed")
+    except pl.exceptions.SchemaError as error:
+        raise InputError(f"{root}: a column has several types ({error})") from error
 
 
 def _check_splits(root: Path, splits: pl.Series) -> None:

@@ -130,6 +130,21 @@ def test_the_truth_is_migrated_and_its_types_are_checked(tmp_path: Path, data: P
         exported(data, "hf", tmp_path / "out")
 
 
+def test_types_of_a_column_are_merged_or_refused(tmp_path: Path, data: Path) -> None:
+    first, second, *_ = sorted(data.glob("truth/shard_*/truth.parquet"))
+    for other, merged in ((pl.lit(2.5), pl.Float64), (pl.lit("x"), pl.String)):
+        for path, value in ((first, pl.lit(1)), (second, other)):
+            pl.read_parquet(path).with_columns(value.alias("drawn.x")).write_parquet(path)
+        reseal(Layout(data))
+        assert open_source(data).schema.types["drawn.x"] == merged
+    several = pl.read_parquet(first).with_columns(pl.concat_list(pl.lit(1.0)).alias("drawn.x"))
+    several.write_parquet(first)
+    pl.read_parquet(second).with_columns(pl.lit(2.5).alias("drawn.x")).write_parquet(second)
+    reseal(Layout(data))
+    with pytest.raises(InputError, match=r"data: a column has several types \("):
+        exported(data, "csv", tmp_path / "out")
+
+
 def test_a_frame_in_two_shards_is_refused(tmp_path: Path, data: Path) -> None:
     for tree in Layout(data).trees:
         shutil.copytree(tree / "shard_00000", tree / "shard_00009")
