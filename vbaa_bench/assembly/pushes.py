@@ -13,6 +13,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.impossible import Extremes, too_far_or_near, too_fine
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec
@@ -56,6 +57,11 @@ class PushSolver:
         # Repetitions of a push are equal, unless values are drawn for each.
         draw = (spec.push_number, spec.attempt) if self.scene.random_keys else None
         return self._cached(_DrawnPush(spec.push, draw, spec.scene))
+
+    def pose(self, spec: FrameSpec) -> Pose:
+        """Solve the push of a frame; return the frame's pose. Raises EquilibriumError."""
+        experiment, states = self.solved(spec)
+        return Pose(experiment, spec, states[spec.step])
 
     def _solved(self, drawn: _DrawnPush) -> SolvedPush:
         experiment = Experiment(drawn.scene, self.rig, drawn.push, self.folder)

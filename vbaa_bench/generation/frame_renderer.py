@@ -144,8 +144,7 @@ class FrameRenderer:
 
     def pose(self, spec: FrameSpec) -> Pose:
         """Compute the pose of a frame."""
-        experiment, states = self.pushes.solved(spec)
-        return Pose(experiment, spec, states[spec.step])
+        return self.pushes.pose(spec)
 
     def pushed_world(self, pose: Pose) -> World:
         """Return the world in a pose; while the draws are the same, only its vertices are moved."""

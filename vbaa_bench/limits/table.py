@@ -10,8 +10,8 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE
-from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.pushes import PushSolver
 from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.information import Information
 from vbaa_bench.limits.push_limits import PushLimits
@@ -73,6 +73,7 @@ class LimitsOfPushes:
 
     def __post_init__(self) -> None:
         self._rig = RigInformation(self.scene, self.rig, self.folder)
+        self._pushes = PushSolver(self.scene, self.rig, self.folder)
         # Repetitions of a push differ in nothing that matters here.
         self._repeated: dict[object, list[Limit]] = {}
 
@@ -113,10 +114,7 @@ class LimitsOfPushes:
         self, specs: Sequence[FrameSpec], visible: Visible, learned: Information | None = None
     ) -> list[FrameLimits]:
         """Solve the frames of one push; only those with contact have limits."""
-        first = specs[0]
-        experiment = Experiment(first.scene, self.rig, first.push, self.folder)
-        states = experiment.states()
-        poses = [Pose(experiment, spec, states[spec.step]) for spec in specs]
+        poses = map(self._pushes.pose, specs)
         return [
             FrameLimits(self._rig, pose, visible(pose), learned)
             for pose in poses

@@ -10,14 +10,13 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
-from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.plan import plan
-from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.pushes import PushSolver
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.geometry.board import cells
-from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import recorded_scene
 from vbaa_bench.scene.rigs import nominal_rig
@@ -36,7 +35,6 @@ class Bodies:
     def __init__(self, truth: Truth, trials: Collection[int]) -> None:
         self.reason, self._folder = "", Layout(truth.root.parent).files
         self._specs: dict[int, FrameSpec] = {}
-        self._solved: tuple[int, Experiment, list[State]] | None = None
         try:
             file = recorded_scene(truth.manifest["scene"], self._folder)
             frames = Frames(file.scene)
@@ -45,6 +43,7 @@ class Bodies:
             self.reason = str(error).partition("\n")[0]
             return
         self._scene, self._rig = file.scene, planned.rig
+        self._pushes = PushSolver(file.scene, planned.rig, self._folder)
         self._specs = {spec.index: spec for spec in planned.frame_specs}
 
     def board_lines(self) -> list[Floats]:
@@ -62,14 +61,6 @@ class Bodies:
         spec = self._specs.get(trial)
         if spec is None:
             return
-        experiment, states = self._states(spec)
         assembler = SceneAssembler(spec.scene, self._rig, self._folder)
-        surfaces = assembler.surfaces(Pose(experiment, spec, states[spec.step]))
+        surfaces = assembler.surfaces(self._pushes.pose(spec))
         yield from ((name, surfaces[name].mesh) for name in _SHOWN if name in surfaces)
-
-    def _states(self, spec: FrameSpec) -> tuple[Experiment, list[State]]:
-        """Solve the push of a frame; the last one is kept, as frames come push by push."""
-        if self._solved is None or self._solved[0] != spec.push_number:
-            experiment = Experiment(spec.scene, self._rig, spec.push, self._folder)
-            self._solved = spec.push_number, experiment, experiment.states()
-        return self._solved[1:]
