@@ -21,8 +21,8 @@ from solver.instrument.arrays import Floats
 from solver.instrument.transforms import rigid
 from vbaa_bench.mechanics import planar, pushing
 from vbaa_bench.mechanics.contact import Obstacle
-from vbaa_bench.mechanics.pushing import Motor, Step
 from vbaa_bench.mechanics.rod import STEPS, Rod, advance
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.mechanics.surfaces import upright
 

@@ -19,6 +19,7 @@ from tests.tapered import bowed
 from vbaa_bench.mechanics import pushing
 from vbaa_bench.mechanics.contact import Obstacle
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.surfaces import upright
 
 # As thick as a beam gets: it turns on its thickness up to several degrees.
@@ -53,10 +54,10 @@ def directions(case: Case, friction: float) -> tuple[list[int], list[float]]:
         rigid([0.0, 0.0, slope], line - [-reach * math.sin(slope), reach * math.cos(slope), 0.0]),
         friction=friction,
     )
-    steps = [pushing.Step(pushing_angle=math.radians(angle)) for angle in ANGLES_DEG]
+    steps = [Step(pushing_angle=math.radians(angle)) for angle in ANGLES_DEG]
     shape = replace(STATED, widths=np.array([case.tip_ratio - 1]), covariance=np.zeros((4, 4)))
     believed, true = [], []
-    for state in pushing.push(rod, pushing.Motor(case.axis), [touched], DISTANCE, steps, 1200):
+    for state in pushing.push(rod, Motor(case.axis), [touched], DISTANCE, steps, 1200):
         points = columns(state.centreline)
         removed = np.column_stack([np.zeros(len(points)), case.bow * points[:, 0] ** 2 / LENGTH])
         bow = np.array([case.bow * LENGTH, 0.0, 0.0])

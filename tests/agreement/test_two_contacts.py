@@ -17,8 +17,9 @@ from solver.beam_models.two_contacts import (
 from tests.simulated import BEAM
 from tests.vbaa_bench.mechanics.benches import obstacle
 from vbaa_bench.mechanics.loaded import Load, loaded
-from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.pushing import push
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 
 
 @pytest.mark.thorough

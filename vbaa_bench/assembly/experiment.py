@@ -16,14 +16,15 @@ from vbaa_bench.assembly.mesh_file import SceneMeshes
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.contact import Obstacle
 from vbaa_bench.mechanics.hung import hang
-from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
+from vbaa_bench.mechanics.pushing import push, rest
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Line, upright
 from vbaa_bench.scene.laboratory import ClampSpec
 from vbaa_bench.scene.objects.object import ObjectSetting
 from vbaa_bench.scene.push import Push
-from vbaa_bench.scene.rigs import TrueRig, nominal_rig
+from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_gravity
 from vbaa_bench.scene.schema import Scene
 
 LINEAR = "linear, eqs. (9) and (10)"
@@ -40,6 +41,12 @@ class Experiment:
     rig: TrueRig
     push: Push
     folder: Path
+
+    @classmethod
+    def at_rest(cls, scene: Scene, rig: TrueRig, folder: Path) -> "Experiment":
+        """Return the experiment before any push, with the motor at angle zero."""
+        push = Push(0.5 * rig.beam.length, 0.0, 0.0, (), true_gravity(scene))
+        return cls(scene, rig, push, folder)
 
     @cached_property
     def rod(self) -> Rod:

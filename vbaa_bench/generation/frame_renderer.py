@@ -38,10 +38,9 @@ from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.visibility import visibility
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.frames import FrameSpec
-from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.random_scene import drawn_values, rest_scene
 from vbaa_bench.scene.random_streams import random_generator, render_seed
-from vbaa_bench.scene.rigs import TrueRig, true_gravity
+from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.from_spec import (
@@ -138,9 +137,7 @@ class FrameRenderer:
         return self._at_rest(self.assembler)
 
     def _at_rest(self, assembler: SceneAssembler) -> World:
-        scene = assembler.scene
-        no_push = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), true_gravity(scene))
-        return assembler.rest(Experiment(scene, self.rig, no_push, self.folder))
+        return assembler.rest(Experiment.at_rest(assembler.scene, self.rig, self.folder))
 
     def pose(self, spec: FrameSpec) -> Pose:
         """Compute the pose of a frame."""

@@ -25,8 +25,7 @@ from vbaa_bench.limits.profile import PixelNoise, SurfaceProfile, information
 from vbaa_bench.limits.section import sections
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.state import State, interpolated
-from vbaa_bench.scene.push import Push
-from vbaa_bench.scene.rigs import TrueRig, true_gravity
+from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure
 
@@ -139,8 +138,7 @@ class RigInformation:
 
     @cached_property
     def _at_rest(self) -> tuple[ImagedBeam, State]:
-        still = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), true_gravity(self.scene))
-        experiment = Experiment(self.scene, self.rig, still, self.folder)
+        experiment = Experiment.at_rest(self.scene, self.rig, self.folder)
         return ImagedBeam.at_rest(experiment, self.rig.camera), experiment.rest
 
     @cached_property

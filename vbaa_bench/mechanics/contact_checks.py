@@ -77,7 +77,7 @@ def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
 
 
 def in_object(found: Equilibrium, index: int, points: Floats) -> Floats:
-    """Transform points (n, 3) [m] from the clamp's frame to that of an obstacle, as it yielded."""
+    """Transform points (n, 3) [m] of the clamp's frame to that of an obstacle, which yields."""
     shift = found.contacts[index].touch.shift if index in found.contacts else np.zeros(3)
     clamp_from_object = found.clamp_from_world @ found.problem.obstacles[index].world_from_object
     return apply(invert(clamp_from_object), points - shift)

@@ -18,8 +18,6 @@ from vbaa_bench.mechanics.sliding import first_contact, slide
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid
 
-__all__ = ["Motor", "Step", "push", "rest"]
-
 
 @lru_cache(maxsize=16)
 def rest(rod: Rod, intervals: int = 480) -> State:

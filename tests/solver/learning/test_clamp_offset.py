@@ -28,6 +28,7 @@ from tests.solver.methods.pushes import beam_stiffness, mirrored
 from tests.vbaa_bench.mechanics.benches import obstacle
 from vbaa_bench.mechanics import pushing
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.surfaces import upright
 
 OFFSET = (0.012, 0.004)
@@ -46,8 +47,8 @@ def states(
     """Columns and the contact point in the world, of a push that the world computes."""
     rod = Rod(BEAM)
     touched = obstacle(rod, place, upright(radius), compliance=compliance)
-    steps = [pushing.Step(pushing_angle=angle) for angle in ANGLES]
-    motor = pushing.Motor(point=(-offset[0], -offset[1], 0.0))
+    steps = [Step(pushing_angle=angle) for angle in ANGLES]
+    motor = Motor(point=(-offset[0], -offset[1], 0.0))
     axis = -np.array([*offset, 0.0])
     pushed = pushing.push(rod, motor, [touched], place, steps, 2000)
     return [

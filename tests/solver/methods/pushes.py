@@ -15,6 +15,7 @@ from tests.vbaa_bench.mechanics.benches import obstacle
 from vbaa_bench.mechanics import pushing
 from vbaa_bench.mechanics.planar import push
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.mechanics.surfaces import upright
 
@@ -66,8 +67,8 @@ def dragged(
     """As `pushed`, each step after the other: friction remembers the way."""
     rod = Rod(BEAM, tip_ratio=tip_ratio)
     touched = obstacle(rod, distance, upright(radius), compliance=compliance, friction=friction)
-    steps = [pushing.Step(pushing_angle=math.radians(angle)) for angle in angles_deg]
-    states = pushing.push(rod, pushing.Motor(), [touched], distance, steps, 4000)
+    steps = [Step(pushing_angle=math.radians(angle)) for angle in angles_deg]
+    states = pushing.push(rod, Motor(), [touched], distance, steps, 4000)
     return [(state, columns(state.centreline)) for state in states]
 
 

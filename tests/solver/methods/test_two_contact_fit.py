@@ -20,8 +20,9 @@ from tests.consistency import nees
 from tests.draws import generator
 from tests.simulated import BEAM, columns, measurement, pushed_points
 from tests.vbaa_bench.mechanics.benches import obstacle
-from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.pushing import push
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import State
 
 SIGMA = 0.0075 * 0.51e-3  # 0.0075 px

@@ -12,8 +12,9 @@ from solver.instrument.beam import Beam
 from solver.instrument.transforms import rigid
 from tests.oracle import EI
 from vbaa_bench.mechanics.contact import Obstacle
-from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.pushing import push
 from vbaa_bench.mechanics.rod import POISSON, Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.mechanics.surfaces import Surface, upright
 

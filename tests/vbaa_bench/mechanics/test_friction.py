@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tests.vbaa_bench.mechanics.benches import BEAM, THIN, imbalance, obstacle, push_one
-from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.pushing import push
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.mechanics.surfaces import upright
 

@@ -8,8 +8,9 @@ from solver.instrument.beam import Beam, circular_rigidity
 from vbaa_bench.mechanics import planar
 from vbaa_bench.mechanics.contact import Obstacle
 from vbaa_bench.mechanics.loaded import Load, loaded
-from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.pushing import push
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.mechanics.surfaces import upright
 

@@ -25,8 +25,9 @@ from tests.vbaa_bench.mechanics.benches import (
     push_one,
 )
 from vbaa_bench.mechanics.contact import Obstacle
-from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.pushing import push
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Flat, Solid, ball, upright
 

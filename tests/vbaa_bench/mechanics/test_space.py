@@ -21,8 +21,9 @@ from tests.vbaa_bench.mechanics.benches import (
     push_one,
 )
 from vbaa_bench.mechanics import planar, rod_contact
-from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
+from vbaa_bench.mechanics.pushing import push, rest
 from vbaa_bench.mechanics.rod import Rod, advance
+from vbaa_bench.mechanics.rod_contact import Motor, Step
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import upright
 

@@ -20,8 +20,7 @@ from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.scene.load import recorded_scene
-from vbaa_bench.scene.push import Push
-from vbaa_bench.scene.rigs import TrueRig, true_gravity, true_rig
+from vbaa_bench.scene.rigs import TrueRig, true_rig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
 
@@ -52,8 +51,7 @@ class TrueWorld:
     @cached_property
     def rest_line(self) -> Floats:
         """The beam at rest (n, 3) [m] in the fixed camera's frame, at motor angle zero."""
-        at_rest = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), true_gravity(self.scene))
-        experiment = Experiment(self.scene, self.rig, at_rest, Path())
+        experiment = Experiment.at_rest(self.scene, self.rig, Path())
         return self._placed(experiment.rest.centreline[:, 1:], 0.0)
 
     @cached_property
