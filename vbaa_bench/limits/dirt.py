@@ -8,14 +8,20 @@ pixels' derivatives S, the variances N of the sensor's noise, and the density P 
 Specks of dust are neglected: a method may leave them out, which normal noise does not allow.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.part_textures import beam_texture
-from vbaa_bench.limits.profile import STEP, SurfaceProfile, gray_profile, inside_profile, unit_cells
+from vbaa_bench.limits.profile import (
+    STEP,
+    SurfaceProfile,
+    Variance,
+    gray_profile,
+    inside_profile,
+    unit_cells,
+)
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
@@ -85,7 +91,7 @@ def dirt_of(scene: Scene, rig: TrueRig, offsets: int) -> Dirt | None:
 
 
 def information_through_dirt(
-    surface: SurfaceProfile, variance: Callable[[Floats], Floats], density: Floats
+    surface: SurfaceProfile, variance: Variance, density: Floats
 ) -> Floats:
     """Compute the information (4, 4) of one pixel of the beam's length, as `profile.information`.
 

@@ -31,6 +31,8 @@ STEP: Final = 0.01
 _WIDER: Final = 1e-3
 
 SHIFT, BRIGHTNESS, BACKGROUND, WIDTH = range(4)
+# Maps the mean radiances of pixels to the variances of their noise [radiance^2].
+Variance = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -117,11 +119,10 @@ def gray_profile(surface: SurfaceProfile) -> GrayProfile:
     return GrayProfile(offset, mean, cover, np.array(slopes))
 
 
-def information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -> Floats:
+def information(surface: SurfaceProfile, variance: Variance) -> Floats:
     """Compute the information (4, 4) of one pixel of the beam's length.
 
-    The parameters are those of `GrayProfile.slopes`; `variance` maps mean radiances to those of
-    the sensor's noise.
+    The parameters are those of `GrayProfile.slopes`.
     """
     profile = gray_profile(surface)
     inside = inside_profile(surface, profile.offset)
@@ -134,7 +135,7 @@ def edge_information(
     light: Floats,
     normal: Floats,
     point_spread: float,
-    variance: Callable[[Floats], Floats],
+    variance: Variance,
 ) -> Floats:
     """Compute the information (n,) [1/px^2] of a pixel's length of an edge on its position.
 

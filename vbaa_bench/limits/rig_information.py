@@ -1,6 +1,6 @@
 """Fisher information on a rig before any contact: board, beam at rest, and stated tolerances."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,7 @@ from vbaa_bench.limits.imaged_beam import FRACTIONS, PLACES, ImagedBeam, Neighbo
 from vbaa_bench.limits.information import Information
 from vbaa_bench.limits.lit_beam import LitBeam
 from vbaa_bench.limits.prior import rig_prior, shape_prior, uncertain_parameters
-from vbaa_bench.limits.profile import PixelNoise, SurfaceProfile, information
+from vbaa_bench.limits.profile import PixelNoise, SurfaceProfile, Variance, information
 from vbaa_bench.limits.section import sections
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.state import State, interpolated
@@ -152,7 +152,7 @@ class RigInformation:
 
 def _of_surface(
     surface: SurfaceProfile,
-    variance: Callable[[Floats], Floats],
+    variance: Variance,
     dirt: Dirt | None,
     length_px: float,
 ) -> Floats:

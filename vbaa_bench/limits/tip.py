@@ -5,7 +5,6 @@ the beam covers, so this information depends on the place of the end in its pixe
 rig by a factor of four. It is computed from the pixels' own image, at a high resolution.
 """
 
-from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy.ndimage import gaussian_filter
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply
 from vbaa_bench.limits.imaged_beam import ImagedBeam
-from vbaa_bench.limits.profile import SurfaceProfile
+from vbaa_bench.limits.profile import SurfaceProfile, Variance
 
 # Places along each side of a pixel. Measured: with 64 the information changes by less than 1 %.
 _FINE: Final = 32
@@ -46,13 +45,10 @@ class BeamEnd(NamedTuple):
         return cls(place, along, abs(float(cosine)))
 
 
-def tip_information(
-    surface: SurfaceProfile, end: BeamEnd, variance: Callable[[Floats], Floats]
-) -> float:
+def tip_information(surface: SurfaceProfile, end: BeamEnd, variance: Variance) -> float:
     """Compute the information [1/px^2] of the pixels about the beam's flat end on its place.
 
-    `surface` is the beam there; `variance` maps mean radiances of pixels to those of their noise.
-    The end's own face is taken as bright as the beam.
+    `surface` is the beam there. The end's own face is taken as bright as the beam.
     """
     reach = int(np.ceil(surface.half_width + _MARGIN_PX + _SIGMAS * surface.point_spread))
     side = 2 * reach + 1
