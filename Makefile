@@ -8,7 +8,7 @@ PYTEST := $(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-
 NARROW := VBAA_BENCH_VECTOR_WIDTH=4
 OLDEST := OPENBLAS_CORETYPE=Prescott NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR" NUMBA_CPU_NAME=x86-64
 
-.PHONY: demo test types tests ci narrow oldest seeds golden libraries lock clean
+.PHONY: demo test types tests ci docs narrow oldest seeds golden libraries lock clean
 
 demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
@@ -27,10 +27,14 @@ tests:
 
 # What takes longer: many samples, all scenes, the laboratory; images with narrow vectors of the
 # renderer; estimates with the oldest kernels.
-ci: libraries
+ci: libraries docs
 	$(PYTEST) -m thorough
 	$(NARROW) $(PYTEST) -m "not thorough" tests/vbaa_bench/render tests/vbaa_bench/generation
 	$(OLDEST) $(PYTEST) -m "not thorough" tests/solver
+
+# The documentation as a site in build/docs, which needs no network.
+docs: .venv/ready
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs . build/docs
 
 # All tests as on other processors: with narrow vectors of the renderer, and with the oldest kernels
 # of OpenBLAS, NumPy and Numba.

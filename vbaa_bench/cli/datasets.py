@@ -28,6 +28,7 @@ class Page(StrEnum):
 
     COLUMNS = "columns"
     FORMAT = "format"
+    SCENE = "scene"
 
 
 def verify(
@@ -175,16 +176,32 @@ def choice_of(
 
 def schema(
     page: Annotated[
-        Page, typer.Argument(help="columns: the data dictionary; format: files of a dataset")
+        Page,
+        typer.Argument(
+            help="columns: the data dictionary; format: files of a dataset; scene: keys of a scene"
+        ),
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Print every column and key of the files, or the format of datasets, as Markdown."""
-    with importing():
-        from vbaa_bench.report import dictionary, format_page
+    """Print every column of the files, the format of datasets or every key of a scene, as Markdown.
 
-    text = format_page.page() if page is Page.FORMAT else dictionary.page()
-    if as_json:
-        print_result(dictionary.record() if page is Page.COLUMNS else {"page": text}, "", True)
-    else:
-        print(text, end="")
+    With --json the keys of a scene are a JSON Schema, by which editors complete scene files.
+    """
+    with importing():
+        from vbaa_bench.report import dictionary, format_page, scene_keys
+        from vbaa_bench.scene.json_schema import file_schema
+
+    if not as_json:
+        pages = {
+            Page.COLUMNS: dictionary.page,
+            Page.FORMAT: format_page.page,
+            Page.SCENE: scene_keys.page,
+        }
+        print(pages[page](), end="")
+        return
+    records = {
+        Page.COLUMNS: dictionary.record,
+        Page.FORMAT: lambda: {"page": format_page.page()},
+        Page.SCENE: file_schema,
+    }
+    print_result(records[page](), "", True)

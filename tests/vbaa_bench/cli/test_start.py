@@ -192,5 +192,5 @@ def test_a_shell_completes_commands_options_and_values() -> None:
 
     assert completed("ver", 1) == ["verify"]
     assert completed("verify --le", 2) == ["--leaks"]
-    assert completed("schema ", 2) == ["columns", "format"]
+    assert completed("schema ", 2) == ["columns", "format", "scene"]
     assert completed("export set --to web", 4) == ["webdataset"]
