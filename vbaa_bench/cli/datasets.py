@@ -1,8 +1,9 @@
 """Commands on existing datasets: verify, info, subset; and the schema of all."""
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -199,7 +200,7 @@ def schema(
         }
         print(pages[page](), end="")
         return
-    records = {
+    records: dict[Page, Callable[[], dict[str, Any]]] = {
         Page.COLUMNS: dictionary.record,
         Page.FORMAT: lambda: {"page": format_page.page()},
         Page.SCENE: file_schema,

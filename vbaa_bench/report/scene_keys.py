@@ -1,6 +1,6 @@
 """The page of all keys of a scene file: defaults, allowed values, and what they mean."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from vbaa_bench.scene.json_schema import scene_schema
@@ -141,7 +141,7 @@ def _map(value: Schema, headings: Mapping[str, str]) -> str:
     return f"names, each with {_allowed(value['additionalProperties'], headings)}"
 
 
-_TYPES: Final = {
+_TYPES: Final[dict[str, Callable[[Schema, Mapping[str, str]], str]]] = {
     "number": _number,
     "integer": _number,
     "array": _list,
