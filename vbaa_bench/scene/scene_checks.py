@@ -30,6 +30,11 @@ def _lamp_positions(scene: "Scene") -> None:
     for lamp in scene.lights:
         if mistake := lamp.mistake(scene.light_setting):
             raise ValueError(f"lights: {mistake}")
+    around = [lamp.kind for lamp in scene.lights if lamp.surrounds]
+    if len(around) > 1:
+        raise ValueError(
+            f"lights: {' and '.join(around)} are all around, allowed is one such light"
+        )
 
 
 def _clamp(scene: "Scene") -> None:

@@ -45,6 +45,8 @@ OUTSTANDING: Final = 1000
 # Seconds after which a scheduler that does not answer is given up. Chosen: time to restart it.
 PATIENCE_S: Final = 600.0
 _POLL_S: Final = 0.1
+# Seconds without a result after which it is said that there are no workers. Chosen.
+REMARK_S: Final = 60.0
 
 
 @dataclass(frozen=True)
@@ -170,8 +172,12 @@ class ClusterPool(Workers):
         from distributed.scheduler import KilledWorker
 
         pending, pieces = dict[Any, Job](), 0
+        ended = time.monotonic()  # of the last job, or of the last remark
         while jobs or pending:
             self._stay_connected()
+            if time.monotonic() > ended + REMARK_S:
+                self._remark_without_workers()
+                ended = time.monotonic()
             while jobs and len(pending) < OUTSTANDING:
                 job = jobs.popleft()
                 pending[self._submitted(job)] = job
@@ -191,10 +197,17 @@ class ClusterPool(Workers):
                     jobs.append(job)
                 else:
                     pieces += counted.pieces
+                    ended = time.monotonic()
                     yield Ended(job, counted.result)
             done(pieces)
             if not ready:
                 time.sleep(_POLL_S)
+
+    def _remark_without_workers(self) -> None:
+        """Say it if the scheduler has no workers: a queue may start them in hours, or never."""
+        with contextlib.suppress(OSError, TimeoutError):
+            if not self._client.scheduler_info()["workers"]:
+                self._remark(f"the scheduler at {self._address} has no workers; waiting for them")
 
     def _submitted(self, job: Job) -> Any:
         return self._client.submit(run_job, self._program, self._built, job, pure=False)

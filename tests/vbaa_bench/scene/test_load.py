@@ -243,6 +243,13 @@ def test_a_telecentric_camera_looks_along_parallel_lines(tmp_path: Path) -> None
     assert plan(load_scene(path)).frames == 4
 
 
+def test_only_one_light_may_be_all_around(tmp_path: Path) -> None:
+    (message,) = complaints(
+        tmp_path, SCENE_TEXT + "lights: [{kind: environment}, {kind: environment}]\n"
+    )
+    assert "environment and environment are all around, allowed is one" in message
+
+
 def test_the_motor_angles_of_first_contact_are_a_range(tmp_path: Path) -> None:
     for ends, said in [
         ("[5, -5]", "motor_angle_at_contact_deg is [5.0, -5.0], allowed is a range from low"),

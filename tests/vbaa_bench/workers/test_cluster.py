@@ -103,6 +103,41 @@ def test_a_finished_result_may_still_be_lost(
     assert (second.job.arguments, second.result) == (("b",), "later")
 
 
+class Waiting:
+    """A client whose scheduler has some workers, and the future of a job that takes a while."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers, self._polls = workers, 0
+
+    def scheduler_info(self) -> dict[str, Any]:
+        return {"workers": dict.fromkeys(range(self._workers))}
+
+    @property
+    def status(self) -> str:
+        self._polls += 1
+        return "pending" if self._polls < 6 else "finished"
+
+    def result(self) -> Any:
+        return SimpleNamespace(result="done", pieces=1)
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_cluster_without_workers_is_no_silence(
+    workers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remarks: list[str] = []
+    pool = ClusterPool(ClusterAddress("tcp://here:1"), PoisonedWorker, (), remarks.append)
+    waiting = Waiting(workers)
+    pool._client = waiting
+    monkeypatch.setattr(ClusterPool, "_submitted", lambda _pool, _job: waiting)
+    monkeypatch.setattr(cluster, "REMARK_S", 0.0)
+    monkeypatch.setattr(cluster, "_POLL_S", 0.001)
+    (ended,) = pool.outcomes(deque([Job("image", ("a",))]), lambda _done: None)
+    assert ended.result == "done"
+    said = {"the scheduler at tcp://here:1 has no workers; waiting for them"}
+    assert set(remarks) == (set() if workers else said)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -5,7 +5,7 @@ columns run from +x through +y around.
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -66,6 +66,7 @@ class EnvironmentSpec(LightKind):
     """
 
     kind: Literal["environment"]
+    surrounds: ClassVar[bool] = True
     file: EnvironmentName | None = Field(
         default=None, description="OpenEXR image in the scene's folder, by default the laboratory."
     )

@@ -1,7 +1,7 @@
 """Base of the kinds of light: keys, and what follows from them. `docs/kinds.md` has an example."""
 
 from abc import ABC, abstractmethod
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, ClassVar, Final, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -49,6 +49,8 @@ class LightKind(Part, ABC):
         "lights matter, because the exposure is metered on the beam.",
     )
     kind: str
+    # Whether it is all around the scene. Mitsuba allows one such light.
+    surrounds: ClassVar[bool] = False
 
     @abstractmethod
     def emitter(self, setting: LightSetting, files: ImageFiles) -> Emitter:
