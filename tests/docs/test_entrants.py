@@ -23,7 +23,7 @@ PAGE = (DOCS / "entrants.md").read_text(encoding="utf-8")
 
 
 def test_the_example_of_a_predictions_file_is_read() -> None:
-    (text,) = re.findall(r"```csv\n(.*?)```", PAGE, re.DOTALL)
+    (text,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
     raw = pl.read_csv(io.StringIO(text), infer_schema=False)
     table = checked_predictions(raw, "the page")
     assert list(unknown_columns(raw.columns, "the page")) == []

@@ -103,6 +103,9 @@ def _parsed(content: FileContent) -> tuple[Floats, np.ndarray]:
         raise SceneFileError(f"{path}: is not a {kind} mesh that can be read") from error
     parts = [part for part in scene.geometry.values() if isinstance(part, trimesh.Trimesh)]
     mesh = together(parts) if parts else trimesh.Trimesh()
+    if kind == ".stl" and not len(mesh.faces) and not content.data.isascii():
+        # Where a package that guesses encodings is installed, trimesh takes it for a text.
+        raise SceneFileError(f"{path}: is not a {kind} mesh that can be read")
     return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
 
 
