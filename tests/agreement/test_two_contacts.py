@@ -47,6 +47,7 @@ def test_the_rod_between_two_pegs_has_the_same_contacts(
     assert force == pytest.approx(-state.base_force[:2], rel=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("frictions", [(0.0, 0.0), (0.3, -0.2)])
 def test_a_bowed_cone_under_two_loads_has_the_same_contacts(
     frictions: tuple[float, float],

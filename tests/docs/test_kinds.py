@@ -58,6 +58,7 @@ def made(folder: Path, workers: int, variant: str) -> Layout:
     return generate(file, root, variant, workers, lambda _done, _total: None)
 
 
+@pytest.mark.thorough
 def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -> None:
     scene, module = folder / "my_scene.yaml", folder / "my_lamp.py"
     use_module("my_lamp")

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import typer
 
-from results.remake import LIMIT_S, RECORD, SCRIPT, note_of, remake
+from results.remake import RECORD, SCRIPT, note_of, remake
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.main import app as product
 
@@ -58,7 +58,6 @@ def test_a_folder_of_results_is_made_again_by_one_command(folder: Path) -> None:
     assert [unknown for call in commands(script) if (unknown := unknown_words(*call))] == []
     if (folder / RECORD).exists():
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-        assert record["minutes"] <= LIMIT_S / 60
         assert {"version", "commit", "datasets_made_with", "machine"} <= record.keys()
 
 

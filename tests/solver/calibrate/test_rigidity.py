@@ -110,6 +110,7 @@ def seen(
     return measurement(points, SIGMA)
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(1e-7, "chi-square of 8 degrees of freedom, both sides")
 def test_ei_is_found_within_its_sigma_whatever_the_rig_says(random: np.random.Generator) -> None:
     errors = []

@@ -104,6 +104,7 @@ def test_a_ground_that_moves_against_the_camera_is_not_subtracted() -> None:
         assert np.array_equal(line.sigma, plain.sigma)
 
 
+@pytest.mark.thorough
 def test_a_change_of_light_scales_the_ground() -> None:
     for light in (0.7, 1.3):
         deviations = []

@@ -81,6 +81,7 @@ def test_an_unknown_clamp_costs_what_it_must(random: np.random.Generator) -> Non
     judge(*errors(batch, x_c, force), bound)
 
 
+@pytest.mark.thorough
 def test_two_fifths_of_gross_outliers_cost_little_more_than_their_points(
     random: np.random.Generator,
 ) -> None:

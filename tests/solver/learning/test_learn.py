@@ -94,6 +94,7 @@ def test_a_uniform_beam_on_a_rigid_clamp_needs_nothing_more() -> None:
     assert (learned.chosen.widths, learned.chosen.soft) == (0, False)
 
 
+@pytest.mark.thorough
 def test_a_clamp_that_gives_is_learned() -> None:
     rigid, soft = learn_beam(pushes(0.0, BeamShape(), softness=0.01)).trials[:2]
     assert soft.candidate.soft

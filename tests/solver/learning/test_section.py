@@ -74,6 +74,7 @@ def test_the_plane_of_deflection_is_learned_against_that_of_the_force() -> None:
     assert words in summary(learned(), rig(), rig())
 
 
+@pytest.mark.thorough
 def test_one_known_force_gives_all_others(random: np.random.Generator) -> None:
     """The direction of the section has made forces depend on the deflection by a percent."""
     reference = measured(0.14, 0.2, random)

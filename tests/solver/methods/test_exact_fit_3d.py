@@ -71,6 +71,7 @@ def seen(kind: str, seed: int) -> Measurement:
 
 
 # What the same fit states of noise, in degrees.
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("kind", "sigma_deg"),
     [

@@ -147,6 +147,7 @@ def test_an_answer_that_is_lost_has_no_amplification() -> None:
     )
 
 
+@pytest.mark.thorough
 def test_the_command_prints_a_table_or_json(
     record: stability.Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

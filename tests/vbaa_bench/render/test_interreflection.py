@@ -60,6 +60,7 @@ def agree(ours: Floats, theirs: Floats) -> None:
     assert (np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) < 5.5 * error).all()
 
 
+@pytest.mark.thorough
 def test_the_radiance_is_that_of_plain_mitsuba(world: World, plain: Floats) -> None:
     size = np.full(len(PIXELS), 64)
     ours = [
@@ -78,6 +79,7 @@ def test_frames_on_the_static_layer_have_it_too(world: World, plain: Floats) -> 
     agree(bands(np.array(ours)), bands(plain))
 
 
+@pytest.mark.thorough
 def test_reflections_are_seen(world: World, plain: Floats) -> None:
     direct = World(
         CAMERA, world.lights, world._surfaces, world.unit, still={"background"}, bounces=1
