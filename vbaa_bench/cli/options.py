@@ -132,7 +132,7 @@ Rigs = Annotated[
 Dask = Annotated[
     str | None,
     typer.Option(
-        help="Dask workers that render: the scheduler's address, or slurm.yaml (see README)",
+        help="Dask workers that render: the scheduler's address, or a file (docs/long_runs.md)",
         show_default="processes of this machine",
     ),
 ]

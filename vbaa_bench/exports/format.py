@@ -28,11 +28,14 @@ FORMATS: Final = {
 
 
 class Exported(NamedTuple):
-    """One frame as it is in an export: name, split, bytes of its image, and values by column."""
+    """One frame as it is in an export: name, split, bytes of its image, and values by column.
+
+    `image` is None in a format without images. `values` may lack columns that it does not have.
+    """
 
     key: str
     split: str
-    image: bytes
+    image: bytes | None
     values: Mapping[str, Any]
 
 

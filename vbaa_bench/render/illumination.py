@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from solver.instrument.errors import InputError
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.sheets import irradiance
 from vbaa_bench.render.image_files import SceneImages
 from vbaa_bench.scene.lights.ambient import Ambient
 from vbaa_bench.scene.lights.emitter import Emitter
-from vbaa_bench.scene.lights.light import UP
+from vbaa_bench.scene.lights.light import UP, LightKind, LightSetting
 from vbaa_bench.scene.schema import Scene
 
 
@@ -22,7 +23,7 @@ def lights(scene: Scene, folder: Path, *, panels: bool = True) -> list[Emitter]:
     """
     setting, files = scene.light_setting, SceneImages(folder)
     kinds = [kind for kind in scene.lights if panels or kind.panel_mm(setting) is None]
-    built: list[Emitter] = [kind.emitter(setting, files) for kind in kinds]
+    built = [_emitter(kind, setting, files) for kind in kinds]
     if not built:
         # If the scene has other lights, the camera may be above the default soft lamp.
         built = [scene.light.emitter(setting, raised=bool(scene.lights))]
@@ -32,6 +33,17 @@ def lights(scene: Scene, folder: Path, *, panels: bool = True) -> list[Emitter]:
     hidden = sum(_unit_irradiance(light, scene) for light in built)
     unit = 1.0 if scene.lights else hidden  # the soft lamp has radiance 1
     return _with_ambient(built, scene.ambient.irradiance * unit / (np.pi - hidden))
+
+
+def _emitter(kind: LightKind, setting: LightSetting, files: SceneImages) -> Emitter:
+    """Build a light. Raises InputError if a user's kind returns something else."""
+    built: object = kind.emitter(setting, files)
+    if not isinstance(built, Emitter):
+        raise InputError(
+            f"lights: emitter of the kind {kind.kind} has returned {type(built).__name__}, allowed "
+            "is one Emitter; `together` makes one mesh of several sheets"
+        )
+    return built
 
 
 def _unit_irradiance(light: Emitter, scene: Scene) -> float:

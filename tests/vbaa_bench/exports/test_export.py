@@ -318,3 +318,16 @@ def test_statistics_of_parts_combine_to_those_of_all(random: np.random.Generator
     nothing = combined([value_stats(np.full((3, 1), np.nan))])
     assert nothing["count"] == [0]
     assert np.isfinite(nothing["mean"]).all()
+
+
+def test_a_format_may_have_no_images(
+    tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = find_format("csv")
+    read_back = kind.read_back
+    monkeypatch.setattr(
+        kind,
+        "read_back",
+        lambda *args: (frame._replace(image=None) for frame in read_back(*args)),
+    )
+    assert (exported(data, "csv", tmp_path / "out") / "metadata.csv").is_file()

@@ -7,6 +7,7 @@ import polars as pl
 
 from tests.draws import generator
 from vbaa_bench.report.page import Contents
+from vbaa_bench.scoring.computed_scores import COMPUTED
 from vbaa_bench.scoring.overlay import Overlay
 
 METHODS = ("exact_fit", "two_point", "push_fit", "two_point@area_weighted", "mine", "yours")
@@ -39,7 +40,7 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
         condition = np.broadcast_to(condition, frames)
         return pl.Series(np.where(condition, values, np.nan)).fill_nan(None)
 
-    return pl.DataFrame(
+    table = pl.DataFrame(
         {
             "frame_id": [f"f{i:06d}" for i in index],
             "method": name,
@@ -79,6 +80,8 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
             "compliance_error_in_sigmas": where(errors[3]),
         }
     )
+    others = [name for name in COMPUTED if name not in table.columns]
+    return table.with_columns(pl.lit(None, pl.Float64).alias(name) for name in others)
 
 
 def limited(table: pl.DataFrame) -> pl.DataFrame:

@@ -12,6 +12,7 @@ import pytest
 from solver.instrument.errors import InputError
 from tests.forgotten import forgotten
 from tests.vbaa_bench.residents import KindsOfLight
+from vbaa_bench.render.illumination import lights
 from vbaa_bench.scene.load import SceneFile, check_scene
 from vbaa_bench.scene.user_modules import modules_in_use, use_module
 from vbaa_bench.workers.pool import Pool
@@ -44,8 +45,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         yield tmp_path
 
 
-def scene_under(*lights: dict[str, Any]) -> SceneFile:
-    return check_scene({"title": "x", "seed": 1, "pushes": PUSHES, "lights": list(lights)})
+def scene_under(*stated: dict[str, Any]) -> SceneFile:
+    return check_scene({"title": "x", "seed": 1, "pushes": PUSHES, "lights": list(stated)})
 
 
 def test_only_a_module_that_is_named_adds_its_kinds(
@@ -72,6 +73,15 @@ def test_an_unknown_kind_is_one_mistake_whatever_else_is_random(height: Any) -> 
     lamp = {"kind": "glow", "position_mm": [0, 0, height]}
     with pytest.raises(InputError, match=r"^Scene: lights\[0\]\.kind is 'glow', .* --module$"):
         scene_under(lamp)
+
+
+def test_a_light_that_builds_no_emitter_is_named(folder: Path) -> None:
+    text = GLOW.replace("raise NotImplementedError", "return [1, 2]")
+    (folder / "glowing.py").write_text(text, encoding="utf-8")
+    use_module("glowing")
+    file = scene_under({"kind": "glow"})
+    with pytest.raises(InputError, match=r"kind glow has returned list, allowed is one Emitter; "):
+        lights(file.scene, folder)
 
 
 def test_a_scene_states_the_modules_of_kinds_that_it_may_draw() -> None:
