@@ -180,12 +180,12 @@ def of_hard_scene(row: list[str]) -> Iterator[Figure]:
 
 
 def of_springs(cell: str, method: str) -> Iterator[Figure]:
-    """RMSE of the compliance of classes of springs: "1/k_s 18 % for ... up to 10, 330 % ..."."""
+    """RMSE of the compliance at the end of a push, of two classes of springs."""
     table = pl.read_csv(RESULTS / "scores" / "fig11_by_stiffness.csv", infer_schema_length=None)
     rows = {row["k_s_over_k_beam"]: row for row in table.filter(method=method).to_dicts()}
-    column = "compliance_last_rmse_pct" if method == "push_fit" else "compliance_rmse_pct"
-    for share, row in zip(re.findall(r"([\d.]+) %", cell), rows.values(), strict=False):
-        yield Figure(share, row[column])
+    shares = re.findall(r"([\d.]+) %", cell)
+    for share, springs in zip(shares, ("1 – 10", "10 – 100"), strict=True):
+        yield Figure(share, rows[springs]["compliance_last_rmse_pct"])
 
 
 def of_stress(row: list[str]) -> Iterator[Figure]:
