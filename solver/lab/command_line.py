@@ -1,7 +1,7 @@
 """The commands of `python -m solver`, and their errors."""
 
 import difflib
-import re
+import string
 import sys
 import time
 from collections.abc import Iterator, Sized
@@ -205,26 +205,20 @@ def snap(
     used_channel = checked_channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
     controls = controls_of(size, exposure, control or ())
     frames = open_source(sources, channel=used_channel, controls=controls)
-    if frames.live:
-        shots = iter([next(shot for shot in frames if shot.number >= drop)])
-    elif len(sources) == 1:
-        shots = iter([next(iter(frames))])
-    else:
-        shots = iter(frames)
-    for path, shot in zip(_numbered(out), shots, strict=False):
+    settled = (shot for shot in frames if not frames.live or shot.number >= drop)
+    # Of a camera, as of a video, one image.
+    for path, shot in zip(_numbered(out, len(sources)), settled, strict=False):
         prepare_output_path(path)
         write(path, png_bytes(shot.grey()))
 
 
-def _numbered(path: Path) -> Iterator[Path]:
+def _numbered(path: Path, count: int) -> Iterator[Path]:
     """Continue the number at the end of a name: rest_00.png, rest_01.png, ..."""
+    stem = path.stem.rstrip(string.digits)
+    digits = path.stem[len(stem) :] or "00"
     yield path
-    stem, digits = re.fullmatch(r"(.*?)(\d*)", path.stem).groups()  # type: ignore[union-attr]  # always matches
-    width = len(digits) or 2
-    number = int(digits or 0)
-    while True:
-        number += 1
-        yield path.with_stem(f"{stem}{number:0{width}d}")
+    for number in range(int(digits) + 1, int(digits) + count):
+        yield path.with_stem(f"{stem}{number:0{len(digits)}d}")
 
 
 @app.command()

@@ -8,7 +8,7 @@ from vbaa_bench.scene.schema import Scene
 
 # Set by the loader of scenes, never stated in a file.
 _INTERNAL: Final = "random_keys"
-# These are the same for all rigs of a set.
+# Keys of the whole set, and `kind`, which decides the keys of its section.
 _NEVER_RANDOM: Final = ("title", "seed", "rigs", "random_method", "kind")
 _DISTRIBUTION: Final = "distribution"
 

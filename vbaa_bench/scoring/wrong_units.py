@@ -9,7 +9,7 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 
-# Sizes of units of one kind, in the first of them.
+# Units of a length, an angle, a force, ..., each in the first of its line.
 _SIZES: Final = (
     {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
     {"radians": 1.0, "degrees": math.pi / 180},
