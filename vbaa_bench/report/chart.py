@@ -34,7 +34,8 @@ text.name { text-anchor: middle; fill: #1b1f23 }
 text.label { font-size: 12.5px; fill: currentColor }
 .grid { fill: none; stroke: #d8dde2; stroke-width: 0.7 }
 .leader { stroke: currentColor; opacity: 0.45 }
-.limit { stroke: #1b1f23; stroke-width: 1.4; stroke-dasharray: 6 4 } .ink { color: #1b1f23 }
+.limit { stroke: #1b1f23; stroke-width: 1.4; stroke-dasharray: 6 4 }
+.claim { stroke: #555d66; stroke-width: 1.4; stroke-dasharray: 1.5 3 } .ink { color: #1b1f23 }
 .bar, .curve { stroke: currentColor; stroke-width: 1.8 } .band { opacity: 0.18 }
 """
 _SCALE: Final = 2

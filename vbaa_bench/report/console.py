@@ -109,7 +109,7 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
         numbers = [values[key] if key != "failure_rate" else 100 * values[key] for key in _SCORES]
         cells = ("–" if value is None else f"{value:.3g}" for value in numbers)
         rows.append((name, *cells, str(values["n"])))
-    heads = [SUMMARY[key].heading.scores for key in (*_SCORES, "n")]
+    heads = [SUMMARY[key].heading.report for key in (*_SCORES, "n")]
     show_table("scores", ("method", *heads), rows)
     for name, values in summary["methods"].items():
         for quantity, share in values["efficiency"].items():

@@ -14,6 +14,8 @@ from vbaa_bench.scoring.statistics import SUMMARY
 # Chosen: six columns of 44 px fit a telephone.
 _COLUMNS: Final = 6
 _MAX_ROWS: Final = 6
+# Cells of fewer frames are gray: an RMSE of four errors is uncertain by 35 %. From the requirement.
+_FEW: Final = 5
 # Upper ends of the classes of colour: RMSE over limit, and without limits RMSE in % of L.
 _RATIO_ENDS: Final = (1.2, 1.5, 2.0, 4.0, 10.0, 100.0)
 _ERROR_ENDS: Final = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
@@ -21,11 +23,20 @@ _ERROR_ENDS: Final = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell: its number as text, its class of colour (None without frames), and a tooltip."""
+    """A cell: its number as text, its class of colour (None without frames), and a tooltip.
+
+    `frames` is the number of frames with an estimate; `few` is whether they are too few to judge.
+    """
 
     text: str
     level: int | None
     tip: str
+    frames: int = 0
+
+    @property
+    def few(self) -> bool:
+        """Whether fewer frames are in the cell than a root mean square needs."""
+        return self.frames < _FEW
 
 
 @dataclass(frozen=True)
@@ -47,13 +58,15 @@ class Bins:
     rows: Sequence[str]
     relative: bool
 
-    @property
-    def legend(self) -> list[tuple[int, str]]:
-        """Classes of colour, with their ranges as text."""
+    def legend(self, maps: Sequence[HeatMap]) -> list[tuple[int, str]]:
+        """List the classes of colour that occur in maps, with their ranges as text."""
         ends = _RATIO_ENDS if self.relative else _ERROR_ENDS
         unit = "" if self.relative else " %"
         texts = [f"≤ {short(end)}{unit}" for end in ends]
-        return list(enumerate([*texts, f"> {short(ends[-1])}{unit}"]))
+        texts.append(f"> {short(ends[-1])}{unit}")
+        cells = [cell for one in maps for _, row in one.rows for cell in row if not cell.few]
+        drawn = sorted({cell.level for cell in cells if cell.level is not None})
+        return [(level, texts[level]) for level in drawn]
 
 
 def with_bins(scores: pl.DataFrame) -> tuple[pl.DataFrame, Bins]:
@@ -147,4 +160,5 @@ def _cell(record: dict[str, Any] | None, bins: Bins) -> Cell:
     tip = f"RMSE {short(record['rmse'], 3)} % of L"
     if bins.relative:
         tip += f", {short(value, 3)} times the limit"
-    return Cell(short(value), level, f"{tip}; {record['answered']} of {record['frames']} frames")
+    tip += f"; {record['answered']} of {record['frames']} frames"
+    return Cell(short(value), level, tip, record["answered"])

@@ -26,9 +26,6 @@ class MethodStatistics:
     right_refusals: int
     false_contacts: int
     median: float | None
-    force_rmse: float | None
-    coverage_95: float | None
-    efficiency: float | None
     ms: float | None
     information: str | None
     median_95: Interval | None

@@ -16,6 +16,8 @@ from vbaa_bench.report.heat_map import with_bins
 from vbaa_bench.report.method_statistics import with_groups
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.residuals import MAX_DOTS, figures, panels
+from vbaa_bench.report.rig_picture import most_bent, rig_picture
+from vbaa_bench.report.speed_chart import CLAIM_PCT
 from vbaa_bench.report.template import template
 from vbaa_bench.report.views import by_error, views
 from vbaa_bench.report.worst import Row, worst_frames
@@ -28,7 +30,7 @@ from vbaa_bench.scoring.strata import reported_strata
 class Contents:
     """What a report shows beside its statistics.
 
-    `facts` are sentences on the data.
+    `facts` are sentences on the data, `made_by` the version and the command.
     `unmeasured` is the reason why frames have no measured centreline, "" if they have. `changes`
     is a comparison with a baseline. `factors` and `rigs` are of collections only: groups of factors
     by method, and pictures of rigs with captions.
@@ -39,6 +41,7 @@ class Contents:
     scores: pl.DataFrame
     overlay_of: Callable[[Row], Overlay]
     environment: Mapping[str, Any]
+    made_by: str = ""
     unmeasured: str = ""
     budget: Mapping[str, Sequence[Share]] = field(default_factory=dict)
     changes: Changes | None = None
@@ -62,6 +65,8 @@ def page(contents: Contents) -> Page:
     styles = palette.styles(methods)
     classes = {name: f"m{number}" for number, name in enumerate(methods)}
     chosen = reported_strata(scores, partial(short, digits=3))
+    example = contents.overlay_of(most_bent(scores))
+    worst = worst_frames(scores, methods, chosen, contents.overlay_of)
     shown = views(scores, methods, chosen, bins, styles, classes)
     html = template("report/page.html.jinja").render(
         contents=contents,
@@ -70,7 +75,11 @@ def page(contents: Contents) -> Page:
         bins=bins,
         figures=[panels(scores, one, methods, classes, chosen) for one in figures(scores)],
         most_dots=MAX_DOTS,
-        worst=worst_frames(scores, methods, chosen, contents.overlay_of),
+        example=example,
+        rig_picture=rig_picture(example),
+        worst=worst,
+        flags=[flag for flag in palette.FLAGS if any(flag in frame.flags for frame in worst)],
+        claim_pct=CLAIM_PCT,
         methods=methods,
         styles=styles,
         classes=classes,

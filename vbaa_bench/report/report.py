@@ -1,5 +1,6 @@
 """Write the report of a scored dataset or collection: report.html, and figures of the README."""
 
+import importlib.metadata
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -18,6 +19,7 @@ from vbaa_bench.report.budget import read_budget
 from vbaa_bench.report.changes import changes_since
 from vbaa_bench.report.chart import chart_png
 from vbaa_bench.report.page import Contents, page
+from vbaa_bench.report.rig_picture import most_bent
 from vbaa_bench.report.views import by_error
 from vbaa_bench.report.worst import Row
 from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
@@ -53,6 +55,8 @@ def report(
         "environment": {**summary["machine"], **summary["versions"]},
         "budget": read_budget(results.dataset.derived / "budget.json"),
         "changes": changes_since(baseline, results.root) if baseline else None,
+        "made_by": f"vbaa-bench {importlib.metadata.version('vbaa-bench')}: "
+        f"vbaa-bench report {results.root.resolve().name}",
     }
     if is_collection(results.root):
         contents, pictures = _of_collection(results, scores, common)
@@ -90,9 +94,8 @@ def _of_dataset(
         **common,
     )
     colours = gallery.colours_of(by_error(scores))
-    return _Report(
-        contents, {"overlay.png": gallery.overlay_png(drawn(_most_bent(scores)), colours)}
-    )
+    picture = gallery.overlay_png(drawn(most_bent(scores)["frame_id"]), colours)
+    return _Report(contents, {"overlay.png": picture})
 
 
 def _facts(truth: Truth, scores: pl.DataFrame) -> list[str]:
@@ -103,13 +106,6 @@ def _facts(truth: Truth, scores: pl.DataFrame) -> list[str]:
         f"L = {rig['beam_length_mm']:g} mm, d = {rig['beam_diameter_mm']:g} mm, "
         f"EI = {rig['flexural_rigidity_n_mm2']:.1f} N mm².",
     ]
-
-
-def _most_bent(scores: pl.DataFrame) -> str:
-    order = (pl.col("deflection_pct").round(1), "true_x_c_mm", "frame_id")
-    return str(
-        scores.select("frame_id", "deflection_pct", "true_x_c_mm").sort(*order)["frame_id"][-1]
-    )
 
 
 def _of_collection(results: Results, scores: pl.DataFrame, common: dict[str, Any]) -> _Report:

@@ -10,6 +10,7 @@ from markupsafe import Markup
 from solver.instrument.arrays import Floats
 from vbaa_bench.report.chart import Axis, Margins, Plot, log_axis, signed_axis
 from vbaa_bench.report.numbers import short, signed
+from vbaa_bench.report.speed_chart import CLAIM_PCT
 from vbaa_bench.scoring.statistics import MEDIAN, P05, P95
 from vbaa_bench.scoring.strata import Stratum
 
@@ -17,8 +18,6 @@ _SIZE: Final = (300, 190)
 # Chosen: dots of a chart overlap beyond this, and each takes 100 bytes of the page.
 MAX_DOTS: Final = 150
 _BINS: Final = 9
-# The paper's best case for the contact distance, section VI-A, in % of L.
-_CLAIM_PCT: Final = 2.0
 
 
 class Figure(NamedTuple):
@@ -70,7 +69,7 @@ def figures(scores: pl.DataFrame) -> list[Figure]:
             "x_c_error_pct_L",
             "error of x_c",
             "% of L",
-            _CLAIM_PCT,
+            CLAIM_PCT,
         ),
         Figure(
             f"Contact force{force}",
@@ -122,7 +121,7 @@ def figures(scores: pl.DataFrame) -> list[Figure]:
                 "x_c_error_pct_L",
                 "error of x_c",
                 "% of L",
-                _CLAIM_PCT,
+                CLAIM_PCT,
             )
         )
     return [one for one in chosen if scores[one.y].is_not_null().any()]

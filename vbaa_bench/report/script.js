@@ -15,6 +15,14 @@ const within = (mark) => mark.dataset.in.split(" ").includes(view);
 one("#filter").hidden = false;
 one("#view").addEventListener("change", (event) => choose(event.target.value));
 
+// On a telephone, maps and charts are shown of one method; the style hides the others there.
+function narrow(method) {
+  for (const part of all("[data-of]")) part.classList.toggle("other", part.dataset.of !== method);
+}
+one("#method").hidden = false;
+one("#of").addEventListener("change", (event) => narrow(event.target.value));
+narrow(one("#of").value);
+
 // Tooltips, also by touch and by keyboard.
 const tip = one("#tip");
 function show(event) {

@@ -27,7 +27,6 @@ class View:
     frames: int
     methods: Sequence[MethodStatistics]
     summary: Markup
-    sentences: Sequence[tuple[str, Markup]]
     wide: Markup
     narrow: Markup
     omitted: str
@@ -41,6 +40,31 @@ class View:
     def title(self) -> str:
         """Heading and label, such as "deflection 5 % of L"."""
         return f"{self.heading} {self.label}".strip()
+
+    @property
+    def contacts(self) -> bool:
+        """Whether any frame has a contact."""
+        return any(one.contacts for one in self.methods)
+
+    @property
+    def free(self) -> int:
+        """Largest number of frames without contact of a method."""
+        return max((one.free for one in self.methods), default=0)
+
+    @property
+    def refusals(self) -> bool:
+        """Whether any frame is rightly refused."""
+        return any(one.right_refusals for one in self.methods)
+
+    @property
+    def unequal(self) -> bool:
+        """Whether methods have different numbers of frames."""
+        return len({one.frames for one in self.methods}) > 1
+
+    @property
+    def stated(self) -> Sequence[str]:
+        """Methods that state an uncertainty."""
+        return list(dict.fromkeys(one.method for one in self.calibrations))
 
     @property
     def columns(self) -> dict[str, str]:
@@ -92,7 +116,6 @@ def views(
                 frames=max((one.frames for one in rows), default=0),
                 methods=rows,
                 summary=headline.summary(rows),
-                sentences=[(one.method, headline.headline(one)) for one in rows],
                 wide=wide,
                 narrow=narrow,
                 omitted=speed_chart.omitted(rows),

@@ -3,15 +3,20 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
-import cv2
 import numpy as np
 import polars as pl
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from solver.instrument.arrays import Floats
 from solver.instrument.centreline import Flag
 from vbaa_bench.report.chart import element
-from vbaa_bench.report.gallery import display, webp_uri
+from vbaa_bench.report.frame_picture import (
+    Box,
+    box_around,
+    frame_picture,
+    polyline,
+    within_image,
+)
 from vbaa_bench.report.numbers import short, signed
 from vbaa_bench.scoring.overlay import Overlay
 from vbaa_bench.scoring.strata import Stratum
@@ -19,8 +24,6 @@ from vbaa_bench.scoring.strata import Stratum
 # Chosen: 60 pictures of 8 kB for ten methods.
 _MAX_ERRORS: Final = 6
 _MAX_WRONG: Final = 2
-# Wider strips are reduced. Chosen: twice the width of a column of text.
-_MAX_WIDTH_PX: Final = 1024
 _MARGIN_PX: Final = 14
 _HALF_PX: Final = 24
 
@@ -28,13 +31,17 @@ Row = dict[str, Any]
 
 
 class WorstFrame(NamedTuple):
-    """A frame for the viewer: its method, caption, the numbers of its strata, and two pictures."""
+    """A frame for the viewer: its method, caption, the numbers of its strata, and two pictures.
+
+    `flags` are the names of the flags of points that are drawn.
+    """
 
     method: str
     caption: str
     strata: str
     strip: Markup
     close_up: Markup
+    flags: frozenset[str]
 
 
 def worst_frames(
@@ -85,7 +92,14 @@ def _drawn(row: Row, overlay: Overlay) -> WorstFrame:
         " ".join(numbers),
         _strip(overlay, position, f"Whole beam. {caption}"),
         _close_up(overlay, position, f"Enlarged contact. {caption}"),
+        frozenset(_flag_names(overlay)),
     )
+
+
+def _flag_names(overlay: Overlay) -> list[str]:
+    """Return the name of the flag of each point that the solver rejected."""
+    flags = [] if overlay.measured is None else overlay.measured.flags
+    return [Flag(int(flag)).name.lower() for flag in flags]
 
 
 def _is_member(name: str, value: object) -> bool:
@@ -118,14 +132,10 @@ def _caption(row: Row) -> str:
 
 def _strip(overlay: Overlay, position: Floats | None, text: str) -> Markup:
     """Draw the part of the image that contains the beam; the truth is a line on both its sides."""
-    height, width = overlay.image.shape
-    inside = np.clip(overlay.centreline, 0, (width - 1, height - 1))
-    low, high = inside.min(axis=0) - _MARGIN_PX, inside.max(axis=0) + _MARGIN_PX
-    left, top = np.maximum(np.floor(low), 0).astype(int)
-    right, bottom = np.minimum(np.ceil(high) + 1, (width, height)).astype(int)
-    marks = [_polyline(overlay.centreline + np.array([0.0, offset]), "truth") for offset in (-3, 3)]
-    radius = max(right - left, bottom - top) / 90
-    return _picture(overlay, (left, top, right, bottom), marks, position, radius, text)
+    box = within_image(box_around(overlay.centreline, _MARGIN_PX), overlay.image.shape)
+    marks = [polyline(overlay.centreline + np.array([0.0, offset]), "truth") for offset in (-3, 3)]
+    radius = max(box.right - box.left, box.bottom - box.top) / 90
+    return _picture(overlay, box, marks, position, radius, text)
 
 
 def _close_up(overlay: Overlay, position: Floats | None, text: str) -> Markup:
@@ -134,12 +144,13 @@ def _close_up(overlay: Overlay, position: Floats | None, text: str) -> Markup:
     half = min(_HALF_PX, (min(overlay.image.shape) - 1) // 2)
     corner = np.rint(middle).astype(int) - half
     limits = np.array(overlay.image.shape[::-1]) - 2 * half - 1
-    left, top = np.clip(corner, 0, limits)
-    marks = [_polyline(overlay.centreline, "truth")]
+    left, top = (int(edge) for edge in np.clip(corner, 0, limits))
+    marks = [polyline(overlay.centreline, "truth")]
     if overlay.measured is not None:
         marks += [_dot(point, "points", 0.16) for point in _near(overlay.measured.points, middle)]
     side = 2 * half + 1
-    return _picture(overlay, (left, top, left + side, top + side), marks, position, 1.6, text)
+    box = Box(left, top, left + side, top + side)
+    return _picture(overlay, box, marks, position, 1.6, text)
 
 
 def _near(points: Floats, middle: Floats) -> Floats:
@@ -149,24 +160,16 @@ def _near(points: Floats, middle: Floats) -> Floats:
 
 def _picture(
     overlay: Overlay,
-    box: tuple[int, int, int, int],
+    box: Box,
     marks: list[str],
     position: Floats | None,
     radius: float,
     text: str,
 ) -> Markup:
     """Draw a part of the image, and over it the marks in the image's own pixels."""
-    left, top, right, bottom = (int(edge) for edge in box)
-    part = display(overlay.image[top:bottom, left:right])
-    if right - left > _MAX_WIDTH_PX:
-        size = (_MAX_WIDTH_PX, round((bottom - top) * _MAX_WIDTH_PX / (right - left)))
-        part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-    # The centre of a pixel has integer coordinates.
-    frame = {"x": left - 0.5, "y": top - 0.5, "width": right - left, "height": bottom - top}
-    image = element("image", "", href=webp_uri(part), preserveAspectRatio="none", **frame)
     if overlay.measured is not None:
-        for point, flag in zip(overlay.measured.rejected, overlay.measured.flags, strict=True):
-            marks.append(_dot(point, Flag(int(flag)).name.lower(), radius / 5))
+        rejected = zip(overlay.measured.rejected, _flag_names(overlay), strict=True)
+        marks += [_dot(point, name, radius / 5) for point, name in rejected]
         if overlay.measured.tip is not None:
             marks.append(_dot(overlay.measured.tip, "tip", radius / 3))
     if overlay.contact is not None:
@@ -185,16 +188,7 @@ def _picture(
             )
             for name in ("halo", "estimate")
         ]
-    view = f"{frame['x']} {frame['y']} {frame['width']} {frame['height']}"
-    return Markup(
-        f'<svg viewBox="{view}" role="img" aria-label="{escape(text)}">{image}'
-        f'<g class="overlay">{"".join(marks)}</g></svg>'
-    )
-
-
-def _polyline(points: Floats, name: str) -> str:
-    path = "L".join(f"{u:.2f} {v:.2f}" for u, v in points[:: max(len(points) // 60, 1)])
-    return element("path", d=f"M{path}", class_=name)
+    return frame_picture(overlay, box, marks, text)
 
 
 def _dot(point: Floats, name: str, radius: float) -> str:

@@ -70,15 +70,13 @@ INFORMATION_USED: Final = Reduction(
 
 
 class Heading(NamedTuple):
-    """Short headings of a figure's column, each worded for its neighbours; "" where not shown.
+    """Short headings of a figure's column; "" where it is not shown.
 
-    `table` is of `vbaa-bench table`, `report` of the report's tables, `scores` of the table in the
-    terminal after scoring.
+    `table` is of `vbaa-bench table`, `report` of the report and of the scores in the terminal.
     """
 
     table: str = ""
     report: str = ""
-    scores: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +99,9 @@ class Statistic:
     null: str = ""
     heading: Heading = Heading()  # noqa: RUF009  (a named tuple cannot change)
 
-    def headed(self, table: str = "", report: str = "", scores: str = "") -> "Statistic":
+    def headed(self, table: str = "", report: str = "") -> "Statistic":
         """Return the statistic with these headings, see `Heading`."""
-        return replace(self, heading=Heading(table, report, scores))
+        return replace(self, heading=Heading(table, report))
 
     def of(self, rows: pl.DataFrame) -> float | None:
         """Compute the statistic of rows of the scores."""
@@ -294,7 +292,7 @@ ADDED: Final = {
 # The figures of a method in the summary, of all its frames.
 SUMMARY: Final = {
     "x_c_rmse_pct_L": _rms("x_c_error_pct_L", "error of the contact distance").headed(
-        "x_c RMSE, % of L", "RMSE", "x_c RMSE, % of L"
+        "x_c RMSE, % of L", "x_c RMSE, % of L"
     ),
     # Null for a method that estimates only forces.
     "x_c_rmse_all_pct_L": Statistic(
@@ -303,9 +301,9 @@ SUMMARY: Final = {
         _X_C_PCT.fill_null(_FAILURE_ERROR_PCT_L),
         where=_TOUCHED & ~pl.col("rightly_refused"),
         defined=_X_C_PCT.is_not_null().any() | pl.col("force_error_n").is_null().all(),
-    ).headed("failures as L/2", "RMSE, failures as L/2", "failures as L/2"),
+    ).headed("failures as L/2", "RMSE, failures as L/2"),
     "x_c_median_abs_pct_L": _median("x_c_error_pct_L", "error of the contact distance").headed(
-        "median", "median |error| of x_c, % of L", "x_c median |e|, % of L"
+        "median", "x_c median |error|, % of L"
     ),
     "x_c_p95_abs_pct_L": Statistic("95th percentile of this error", P95, _X_C_PCT.abs()).headed(
         report="95th percentile"
@@ -314,7 +312,7 @@ SUMMARY: Final = {
     "force_rmse_pct": _rms(
         "force_error_pct",
         "error of the force, relative to its true value",
-    ).headed("force, %", "force RMSE, %", "force RMSE, %"),
+    ).headed("force, %", "force RMSE, %"),
     "force_median_abs_pct": _median("force_error_pct", "error of the force"),
     "f_rmse_pct": _rms("f_error_pct", "error of the force's component in plane D"),
     "theta_c_rmse_deg": _rms("theta_c_error_deg", "error of the slope at the contact"),
@@ -375,7 +373,7 @@ SUMMARY: Final = {
         "share of frames without the required values, or with a wrong outcome",
         MEAN,
         pl.col("failed"),
-    ).headed(scores="failed, %"),
+    ).headed(report="failed, %"),
     "refused_rate": Statistic("share of frames refused", MEAN, pl.col("refused")),
     "rightly_refused_rate": Statistic(
         "share of frames refused rightly", MEAN, pl.col("rightly_refused")
@@ -402,16 +400,16 @@ SUMMARY: Final = {
     ),
     "ms_per_frame_median": Statistic(
         "median time from the image in memory to the estimate", MEDIAN, _TIME
-    ).headed("ms", "ms per frame", "ms / frame"),
+    ).headed("ms", "ms per frame"),
     "ms_per_frame_p05": TIMES["ms_p05"],
     "ms_per_frame_p95": TIMES["ms_p95"],
-    "n": Statistic("frames", COUNT, _FRAME).headed(scores="n"),
+    "n": Statistic("frames", COUNT, _FRAME).headed(report="frames"),
     **ADDED,
 }
 
 
-def _in_percent(one: Statistic, heading: str) -> Statistic:
-    return replace(one, in_percent=True).headed(heading)
+def _in_percent(one: Statistic, table: str, report: str = "") -> Statistic:
+    return replace(one, in_percent=True).headed(table, report)
 
 
 # Further figures of a method in the table of accuracy.
@@ -429,14 +427,16 @@ TABLE: Final = {
     "second_s_c_sigma_over_rmse": _stated(SECOND_S_C, "sigma_over_rmse").headed(
         "second sigma / RMSE"
     ),
-    "x_c_coverage_95_pct": _in_percent(_stated(X_C, "coverage_95"), "x_c in 1.96 sigma, %"),
-    "x_c_efficiency_pct": _in_percent(_EFFICIENCY, "information used, %"),
+    "x_c_coverage_95_pct": _in_percent(
+        _stated(X_C, "coverage_95"), "x_c in 1.96 sigma, %", "in 95 % interval, %"
+    ),
+    "x_c_efficiency_pct": _in_percent(_EFFICIENCY, "information used, %", "information used, %"),
     "second_answered_pct": _in_percent(SUMMARY["second_detection_rate"], "second answered, %"),
     "second_false_pct": _in_percent(SUMMARY["false_second_rate"], "second false, %"),
     "consistent_pct": _in_percent(SUMMARY["consistent_rate"], "consistent, %"),
 }
 
-# The figures of a method in the sentences and charts of the report, by the names of
+# The figures of a method in the sentence and the charts of the report, by the names of
 # `MethodStatistics`.
 REPORTED: Final = {
     "frames": SUMMARY["n"],
@@ -455,26 +455,25 @@ REPORTED: Final = {
         "free frames with an estimate", COUNT, _FRAME, where=pl.col("free") & _ANSWERS
     ),
     "median": SUMMARY["x_c_median_abs_pct_L"],
-    "force_rmse": SUMMARY["force_rmse_pct"],
-    "coverage_95": error_statistics(X_C)["coverage_95"],
-    "efficiency": _EFFICIENCY,
     "ms": SUMMARY["ms_per_frame_median"],
 }
 # The figures of the report's table of scores, in the order of its columns.
 REPORT_TABLE: Final = {
     "median": SUMMARY["x_c_median_abs_pct_L"],
-    "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT).headed(report="bias"),
+    "ms": SUMMARY["ms_per_frame_median"],
     "rmse": SUMMARY["x_c_rmse_pct_L"],
+    "rmse_over_limit": SUMMARY["x_c_rmse_over_limit"],
+    "efficiency": TABLE["x_c_efficiency_pct"],
+    "coverage_95": TABLE["x_c_coverage_95_pct"],
+    "force_rmse": SUMMARY["force_rmse_pct"],
+    "psi_rmse": SUMMARY["psi_rmse_deg"],
+    "compliance_rmse": SUMMARY["compliance_rmse_pct"],
+    "bias": Statistic("mean error of x_c", MEAN, _X_C_PCT).headed(report="bias"),
     "p95": SUMMARY["x_c_p95_abs_pct_L"],
     "worst": Statistic("largest absolute error of x_c", LARGEST, _X_C_PCT.abs()).headed(
         report="worst frame"
     ),
     "rmse_all": SUMMARY["x_c_rmse_all_pct_L"],
-    "rmse_over_limit": SUMMARY["x_c_rmse_over_limit"],
-    "force_rmse": SUMMARY["force_rmse_pct"],
-    "psi_rmse": SUMMARY["psi_rmse_deg"],
-    "compliance_rmse": SUMMARY["compliance_rmse_pct"],
-    "ms": SUMMARY["ms_per_frame_median"],
     **ADDED,
 }
 

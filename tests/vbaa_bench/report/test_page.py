@@ -91,12 +91,14 @@ def test_nothing_is_fetched(html: str) -> None:
 
 def test_one_block_is_shown_for_each_part_and_the_others_are_hidden(html: str) -> None:
     reader = read(html)
-    shown = [one for one in reader.all("div") if one.get("data-view") == "0"]
-    hidden = [one for one in reader.all("div") if one.get("data-view") == "1"]
-    assert len(shown) == len(hidden) == 5
+    blocks = [one for tag in ("p", "figure", "div") for one in reader.all(tag)]
+    shown = [one for one in blocks if one.get("data-view") == "0"]
+    hidden = [one for one in blocks if one.get("data-view") == "1"]
+    # Summary, chart, scores, maps, uncertainty, outcomes.
+    assert len(shown) == len(hidden) == 6
     assert not any("hidden" in one for one in shown)
     assert all("hidden" in one for one in hidden)
-    assert len(reader.all("option")) == len(METHODS) + 21
+    assert len(reader.all("option")) == 2 * len(METHODS) + 21
     assert "all frames (2000)" in html
 
 
@@ -164,8 +166,9 @@ def test_what_changed_since_a_baseline_is_shown_with_its_history(tmp_path: Path)
 def test_without_limits_errors_are_in_per_cent(html: str) -> None:
     plain = page(contents(scores(200))).html
     assert "information limit" in html
-    assert "of the information in" in html
+    assert "information used, %" in html
     assert "information limit" not in plain
+    assert "information used, %" not in plain
     assert "RMSE of x_c in % of L" in plain
 
 
@@ -181,4 +184,4 @@ def test_a_dataset_without_any_contact_has_a_report() -> None:
     free = free.filter("free")
     text = page(contents(free)).html
     read(text)
-    assert "0 false contacts in 60 free frames" in text
+    assert "<td>0 of 60</td>" in text

@@ -65,7 +65,7 @@ def test_each_figure_of_a_table_has_a_heading_of_its_own() -> None:
     declared = SUMMARY | TABLE
     for heads in (
         [declared[name].heading.table for name in tables._COLUMNS],
-        [declared[name].heading.scores for name in (*console._SCORES, "n")],
+        [declared[name].heading.report for name in (*console._SCORES, "n")],
         [one.heading.report for one in FACTOR.values()],
         [one.heading.report for one in REPORT_TABLE.values()],
     ):
