@@ -21,6 +21,7 @@ import polars as pl
 from solver.instrument.errors import InputError
 from solver.instrument.safe_path import PYTHON
 from solver.methods import METHODS
+from solver.methods.by_name import check_known
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.frame_scores import score_frames
 from vbaa_bench.scoring.isolation.runs import one_core_environment
@@ -57,10 +58,7 @@ def measure_apart(
     unknown, and where the observations cannot be solved.
     """
     methods = methods or list(METHODS)
-    for name in methods:
-        if name not in METHODS:
-            allowed = ", ".join(METHODS)
-            raise InputError(f"method '{name}' is unknown, allowed is one of {allowed}")
+    check_known(methods)
     with tempfile.TemporaryDirectory(prefix="vbaa-speed-") as folder:
         copy = Path(folder) / "observations"
         shutil.copytree(observations, copy)

@@ -93,10 +93,11 @@ def budget(
         import polars as pl
 
         from solver.lab.writing import prepare_output_path, write
+        from solver.methods.by_name import check_known
         from vbaa_bench.benchmarks.budget import command
 
     methods = method or ["exact_fit"]
-    command.check_methods(methods)
+    check_known(methods)
     if out:
         prepare_output_path(out)
     rows = []

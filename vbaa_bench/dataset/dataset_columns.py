@@ -201,7 +201,7 @@ _FORCE_SENSOR: Final = "never; absent without a force sensor"
 
 # Made by `readings`, after file_name and frame_id.
 READINGS: Final = {
-    "file_name": Column("image of the frame, beside metadata.csv"),
+    "file_name": Column("image of the frame, beside metadata.csv", kind=Kind.TEXT),
     **JOINED,
     "motor_angle_deg": Column(
         "encoder reading of the motor angle", SIGMA_O, "the camera is fixed in the world"

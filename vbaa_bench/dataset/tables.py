@@ -5,7 +5,9 @@ length, would be a traceback far from its cause.
 """
 
 import io
+import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -64,15 +66,16 @@ def read_parquet(
     a column has another type than in `schema`; `path` is for the message.
     """
     try:
-        dtypes = pl.read_parquet_schema(io.BytesIO(data))
-        names = [name for name in dtypes if chosen(name)]
-        if schema is not None:
-            check_types({name: dtypes[name] for name in names}, schema, str(path))
-        rows = max_values // max(len(names), 1)
-        # As the file's last bytes state it. They may be wrong, so no more is read than is allowed.
-        stated = pl.scan_parquet(io.BytesIO(data)).select(pl.len()).collect().item()
-        if stated <= rows:
-            table = pl.read_parquet(io.BytesIO(data), columns=names, n_rows=rows + 1)
+        with _without_backtraces():
+            dtypes = pl.read_parquet_schema(io.BytesIO(data))
+            names = [name for name in dtypes if chosen(name)]
+            if schema is not None:
+                check_types({name: dtypes[name] for name in names}, schema, str(path))
+            rows = max_values // max(len(names), 1)
+            # As the file's last bytes state it. They may be wrong: no more is read than is allowed.
+            stated = pl.scan_parquet(io.BytesIO(data)).select(pl.len()).collect().item()
+            if stated <= rows:
+                table = pl.read_parquet(io.BytesIO(data), columns=names, n_rows=rows + 1)
     # Polars panics on some damaged files.
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -83,6 +86,26 @@ def read_parquet(
             f"{max_values:,} values"
         )
     return table
+
+
+@contextmanager
+def _without_backtraces() -> Iterator[None]:
+    """Drop what Polars writes to standard error before its panic reaches Python as an exception.
+
+    Its threads write to the file descriptor itself, so nothing else can be written meanwhile.
+    """
+    try:
+        kept = os.dup(2)
+    except OSError:  # standard error is closed
+        yield
+        return
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:

@@ -263,6 +263,6 @@ def test_the_command_writes_what_the_report_reads(
     assert by_cause[TOTAL].rmse_pct_L < 0.05
     assert by_cause[NOISE].rmse_pct_L > 0.15 * by_cause[TOTAL].rmse_pct_L
     assert Cause.PLACEMENT not in by_cause
-    assert "method 'fit' is unknown, allowed are two_point" in command.refused(
+    assert "method 'fit' is unknown, allowed is one of two_point" in command.refused(
         "budget", str(root), "-m", "fit"
     )

@@ -1,6 +1,7 @@
 """Tables of unknown origin are refused with a sentence, and known columns get their types."""
 
 import io
+import os
 from pathlib import Path
 
 import polars as pl
@@ -82,6 +83,24 @@ def test_repeated_names_and_damaged_bytes_are_refused() -> None:
     for data in (b"", stream.getvalue()[:-20]):
         with pytest.raises(InputError, match="t: is not a Parquet table"):
             read_parquet(Path("t"), data)
+
+
+def test_a_panic_of_the_reader_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def panic(*_: object, **__: object) -> None:
+        os.write(2, b"thread panicked; stack backtrace:")
+        raise pl.exceptions.PanicException("assertion failed")
+
+    monkeypatch.setattr(pl, "read_parquet", panic)
+    data = io.BytesIO()
+    pl.DataFrame({"a": [1.0]}).write_parquet(data)
+    with pytest.raises(
+        InputError, match=r"x\.parquet: is not a Parquet table \(assertion failed\)"
+    ):
+        read_parquet(Path("x.parquet"), data.getvalue())
+    os.write(2, b"later")
+    assert capfd.readouterr().err == "later"
 
 
 def test_types_are_checked_before_any_value_is_read() -> None:

@@ -33,13 +33,6 @@ _KEYS: Final = ("bias_pct_L", "rmse_pct_L", "low", "high")
 Record = dict[str, dict[str, dict[str, float]]]
 
 
-def check_methods(names: Sequence[str]) -> None:
-    """Raise InputError for a name that is none of the solver's methods."""
-    unknown = [name for name in names if name not in METHODS]
-    if unknown:
-        raise InputError(f"method '{unknown[0]}' is unknown, allowed are {', '.join(METHODS)}")
-
-
 def budget(
     root: Path,
     methods: Sequence[str] = ("exact_fit",),

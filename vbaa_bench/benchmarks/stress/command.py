@@ -8,8 +8,7 @@ from typing import Any
 
 import cv2
 
-from solver.instrument.errors import InputError
-from solver.methods import METHODS
+from solver.methods.by_name import check_known
 from vbaa_bench.benchmarks.stress.figures import figures, missed
 from vbaa_bench.benchmarks.stress.rig_results import RigResult, stress_rig
 from vbaa_bench.benchmarks.stress.rigs import drawn_rig, render
@@ -46,10 +45,7 @@ def stress(
     from, and a `work` with other contents.
     """
     rows = chosen_rows(plan.rows)
-    if plan.method not in METHODS:
-        raise InputError(
-            f"method '{plan.method}' is unknown, allowed is one of {', '.join(METHODS)}"
-        )
+    check_known([plan.method])
     # One folder per seed: another seed does not affect the existing rigs.
     folder = work / f"seed_{plan.seed}_frames_{plan.frames}"
     files = [drawn_rig(plan.file, plan.seed, n, plan.frames) for n in range(plan.rigs)]
