@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import cv2
 import mitsuba as mi
 import numpy as np
 
@@ -20,8 +21,12 @@ Colour = tuple[float, float, float]
 # of irradiance: soft light from all sides. Chosen, as are all values of this module, by eye.
 _ROOM: Colour = (0.60, 0.64, 0.70)
 _BOUNCES = 6
-# Quantile of the image that becomes nearly white, and where it does.
-_BRIGHT, _LEVEL = 0.97, 0.80
+# Level of the image's median. A brighter quantile would depend on how much of a lamp is in view.
+_LEVEL = 0.40
+
+
+# A pixel of the picture is so many rendered ones wide.
+FINER = 3
 
 
 class Viewpoint(NamedTuple):
@@ -51,17 +56,19 @@ def picture(
 ) -> np.ndarray:
     """Render a picture (height, width, 3) of 8 bits in sRGB, blue first.
 
-    `size` is (width, height). The variant must be one of colour. Soft light of a room is added to
-    the lights.
+    `size` is (width, height); each of the FINER**2 parts of a pixel has `samples`. The variant must
+    be one of colour. Soft light of a room is added to the lights.
     """
     world = coloured_world(bodies, lights, unit)
     if all(light.extent() is not None for light in lights):
         room = {"type": "rgb", "value": [level / np.pi for level in _ROOM]}
         world["room"] = {"type": "constant", "radiance": room}
-    world["sensor"] = _sensor(viewpoint, unit, size)
+    world["sensor"] = _sensor(viewpoint, unit, (FINER * size[0], FINER * size[1]))
     world["integrator"] = {"type": "path", "max_depth": _BOUNCES, "hide_emitters": False}
     image = mi.render(load(world), spp=samples, seed=mi.UInt32(1))
-    return _developed(np.asarray(image, dtype=np.float64)[..., :3])
+    # Averaged after its tones are softened: edges of lamps are many times brighter than white.
+    fine = _developed(np.asarray(image, dtype=np.float64)[..., :3])
+    return cv2.resize(fine, size, interpolation=cv2.INTER_AREA)
 
 
 def coloured_world(
@@ -127,8 +134,7 @@ def _paint(body: ColouredBody) -> dict[str, Any]:
 
 def _developed(radiance: Floats) -> np.ndarray:
     """Convert radiance (height, width, 3) to 8 bits in sRGB, with softened highlights."""
-    bright = float(np.quantile(radiance.mean(axis=2), _BRIGHT))
-    light = radiance * _LEVEL / bright
+    light = radiance * _LEVEL / float(np.median(radiance.mean(axis=2)))
     # Straight up to the knee, then ever flatter, up to 1.
     knee = 0.6
     over = np.maximum(light - knee, 0) / (1 - knee)

@@ -77,13 +77,12 @@ _LEFT_OUT: Final = {"table_side", "floor"}
 
 
 def viewpoint(assembler: SceneAssembler) -> Viewpoint:
-    """Choose where to look from: across the beam, from the side of the object, at half height."""
+    """Choose where to look from: down to the beam and its contact, past the camera's lens."""
     length = assembler.rig.beam.length
     height = float(invert(assembler.rig.camera.camera_from_antenna)[2, 3])
-    top = height + (_CAMERA_DEPTH + _LENS_LENGTH) * length
-    target = np.array([0.48 * length, 0.1 * length, 0.45 * top])
-    away = np.array([0.45, -1.0, 0.40])
-    return Viewpoint(target + 1.64 * top * away / np.linalg.norm(away), target, 42.0)
+    position = np.array([0.8 * length, -1.05 * length, 1.2 * height])
+    target = np.array([0.45 * length, 0.1 * length, 0.44 * height])
+    return Viewpoint(position, target, 60.0)
 
 
 def _new(mesh: trimesh.Trimesh, colour: Colour, paint: str, roughness: float = 0.3) -> ColouredBody:

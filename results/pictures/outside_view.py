@@ -18,8 +18,8 @@ from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 
-SIZE_PX: Final = (1280, 860)
-SAMPLES: Final = 144
+SIZE_PX: Final = (1280, 1000)
+SAMPLES: Final = 32
 
 
 def outside_view(
