@@ -10,7 +10,7 @@ from vbaa_bench.regression.compared import LEAST_RELATIVE_CHANGE_OF_TIME
 from vbaa_bench.report.method_statistics import MethodStatistics
 from vbaa_bench.report.numbers import percent, short
 from vbaa_bench.scoring.information_sets import SETS
-from vbaa_bench.scoring.ranking import ranks
+from vbaa_bench.scoring.ranking import FEWEST_GROUPS, ranks
 
 # Chosen: with 300 frames a method with right intervals is outside of these in 1 of 1,000 reports.
 _TOO_NARROW, _TOO_WIDE = 0.90, 0.99
@@ -40,6 +40,10 @@ def summary(methods: Collection[MethodStatistics]) -> Markup:
     ]
     if not complete:
         return Markup("No method estimates x_c.")
+    if len(complete) > 1 and all(np.isnan(one.median_draws).all() for one in complete):
+        return Markup("Methods are not compared: there are fewer than {} pushes, or rigs.").format(
+            FEWEST_GROUPS
+        )
     best = _first({one.method: one.median_draws for one in complete})
     accurate = [one for one in complete if one.method in best]
     text = Markup("Most accurate: {}, with {} of <b>{} % of L</b>.").format(

@@ -15,7 +15,7 @@ from vbaa_bench.scoring.bootstrap import (
     interval,
     median_interval,
 )
-from vbaa_bench.scoring.ranking import TIME_OVER_REFERENCE, by_solve, statistic_draws
+from vbaa_bench.scoring.ranking import FEWEST_GROUPS, TIME_OVER_REFERENCE, by_solve, statistic_draws
 from vbaa_bench.scoring.statistics import REPORT_TABLE, REPORTED
 
 
@@ -27,7 +27,7 @@ class MethodStatistics:
     set, `efficiency` the share of its information that the method uses. `figures` are the
     statistics `REPORT_TABLE` by name. `median_draws` and `time_draws` (draws,) are the medians of
     the error and of the time over that of the reference kernel, in draws that all methods share;
-    times are NaN where `solve` did not measure them.
+    times are NaN where `solve` did not measure them, and both with too few pushes to compare.
     """
 
     method: str
@@ -69,6 +69,7 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
     columns = ("processor_ms", "reference_ms") if timed else ()
     names, groups = np.unique(rows["group"].to_numpy(), return_inverse=True)
     counts, without = draws(len(names)), np.full(DRAWS, np.nan)
+    enough = len(names) >= FEWEST_GROUPS
     parts = (
         rows.select("method", "x_c_error_pct_L", "image_ms", *columns, number=groups)
     ).partition_by("method", as_dict=True)
@@ -83,7 +84,7 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
             median_95=interval(medians),
             ms_95=median_interval(part["image_ms"], of_push),
             figures={figure: row[figure] for figure in REPORT_TABLE},
-            median_draws=medians,
-            time_draws=times if by_solve(name) else without,
+            median_draws=medians if enough else without,
+            time_draws=times if enough and by_solve(name) else without,
         )
     return methods

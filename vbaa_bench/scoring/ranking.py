@@ -6,6 +6,7 @@ that of the methods alone (Efron and Tibshirani 1993, chapter 8).
 """
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,12 @@ from solver.methods import METHODS
 from vbaa_bench.scoring.bootstrap import interval, median_draws
 from vbaa_bench.scoring.statistics import MEAN, MEDIAN, RMS, Statistic
 
+# With fewer pushes, or rigs, methods are not distinguished. Derived: by chance alone, one of two
+# equal methods is better in all of n pushes with a probability of 2 / 2^n, 6 % for five.
+FEWEST_GROUPS: Final = 6
 # Processor time of a frame over that of the reference kernel, timed after it in the same process:
 # comparable between runs and machines, unlike milliseconds.
-TIME_OVER_REFERENCE = Statistic(
+TIME_OVER_REFERENCE: Final = Statistic(
     "median processor time over that of the reference kernel",
     MEDIAN,
     pl.col("processor_ms") / pl.when(pl.col("reference_ms") > 0).then("reference_ms"),

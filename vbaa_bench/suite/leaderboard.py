@@ -16,7 +16,7 @@ from vbaa_bench.dataset.splits import check_split
 from vbaa_bench.regression.compared import LEAST_RELATIVE_CHANGE_OF_TIME
 from vbaa_bench.scene.load import read_model
 from vbaa_bench.scoring.bootstrap import Interval, draws, group_numbers, interval
-from vbaa_bench.scoring.ranking import by_solve, ranks, statistic_draws
+from vbaa_bench.scoring.ranking import FEWEST_GROUPS, by_solve, ranks, statistic_draws
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.suite.figures import ERROR, FIGURES, TIME
@@ -230,7 +230,10 @@ def _kind(method: str, submission: Submission | None) -> str:
 
 
 def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, Floats]:
-    """Compute a figure of a track from its datasets, of those that have it, and its draws."""
+    """Compute a figure of a track from its datasets, of those that have it, and its draws.
+
+    The draws are NaN if a dataset has too few pushes to distinguish methods.
+    """
     figure = FIGURES[name]
     points, resampled = [], []
     for one in scored:
@@ -242,4 +245,6 @@ def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, F
     if not points or (name == ERROR and len(points) < len(scored)):
         return Value(None, None), np.full(1, np.nan)
     of_track = figure.of_track(np.array(resampled))
-    return Value(float(figure.of_track(np.array(points))), interval(of_track)), of_track
+    value = Value(float(figure.of_track(np.array(points))), interval(of_track))
+    few = any(one.counts.shape[1] < FEWEST_GROUPS for one in scored)
+    return value, np.full(len(of_track), np.nan) if few else of_track

@@ -11,7 +11,7 @@ from solver.instrument.files import sha256
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile, load_scene, read_model
 from vbaa_bench.scene.part import Part
-from vbaa_bench.scene.shipped import SUITES, shipped_scenes
+from vbaa_bench.scene.shipped import frozen_digests, shipped_scenes, shipped_suites
 from vbaa_bench.scoring.isolation.runs import MAX_FRAME_S
 from vbaa_bench.scoring.scored_quantities import CONSISTENT_SIGMAS
 from vbaa_bench.scoring.statistics import FAILURE_ERROR_PCT_L
@@ -122,7 +122,7 @@ class Suite:
     @property
     def digests(self) -> Path:
         """The file of the frozen digests, beside that of the suite."""
-        return self.path.with_suffix(".digests.json")
+        return frozen_digests(self.path)
 
     @property
     def sha256(self) -> str:
@@ -167,17 +167,12 @@ class Suite:
         return InputError(f"{self.path}: {place} is {value}, allowed is {allowed}")
 
 
-def shipped_suites() -> dict[str, Path]:
-    """Find the files of the shipped suites by their versions."""
-    return {path.stem: path for path in sorted((shipped_scenes() / SUITES).glob("*.yaml"))}
-
-
 def load_suite(name: str) -> Suite:
     """Read a shipped suite by its version, or one from a file that ends in .yaml.
 
     Raises InputError with all mistakes.
     """
-    shipped = shipped_suites()
+    shipped = {path.stem: path for path in shipped_suites()}
     if not name.endswith(".yaml") and name not in shipped:
         raise InputError(
             f"suite {quoted(name)} is unknown, allowed is {', '.join(shipped)} or a file .yaml"

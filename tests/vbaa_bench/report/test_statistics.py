@@ -177,3 +177,6 @@ def test_no_winner_is_named_among_methods_that_cannot_be_distinguished() -> None
     tied = "<b>exact_fit</b>, <b>two_point</b> and <b>mine</b>, which cannot be distinguished"
     assert f"Most accurate: {tied}, with median errors of <b>0.0" in text
     assert "Fastest: <b>exact_fit</b> and <b>two_point</b>, which cannot be distinguished" in text
+    few = with_groups(table.filter(pl.col("frame_id") < "f000005"))
+    not_compared = "Methods are not compared: there are fewer than 6 pushes, or rigs."
+    assert headline.summary(list(method_statistics(few).values())) == not_compared

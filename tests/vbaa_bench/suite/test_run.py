@@ -13,6 +13,7 @@ from tests.command_line import CommandLine
 from tests.vbaa_bench.suite.small import CODE, folder_with, write_submission, write_suite
 from vbaa_bench import cli
 from vbaa_bench.limits import dataset_limits
+from vbaa_bench.suite import leaderboard as leaderboard_module
 from vbaa_bench.suite import run as run_module
 from vbaa_bench.suite.folder import SuiteFolder, create_folder, open_folder
 from vbaa_bench.suite.frozen import NOT_FROZEN, frames_digest, freeze, verify_suite
@@ -67,7 +68,17 @@ def test_a_second_run_computes_nothing_again(
     assert len(list(run_suite(ran, Request((), ("exact_fit",)), lambda _line: None))) == 1
 
 
-def test_the_leaderboard_ranks_methods_and_submissions(ran: SuiteFolder) -> None:
+def test_four_pushes_distinguish_no_methods(ran: SuiteFolder) -> None:
+    (track,) = leaderboard(ran)
+    assert [place.rank for place in track.places] == [1, 1, 1]
+    tied = "Most accurate, not distinguishable: exact_fit, guess and mine."
+    assert track.sentence() == f"{tied} Fastest, not distinguishable: exact_fit and mine."
+
+
+def test_the_leaderboard_ranks_methods_and_submissions(
+    ran: SuiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(leaderboard_module, "FEWEST_GROUPS", 2)
     (track,) = leaderboard(ran)
     places = {place.method: place for place in track.places}
     assert track.frames == 4
@@ -89,7 +100,10 @@ def test_the_leaderboard_ranks_methods_and_submissions(ran: SuiteFolder) -> None
     assert track.sentence().startswith("Most accurate: exact_fit. Fastest")
 
 
-def test_page_and_table_of_the_leaderboard(ran: SuiteFolder) -> None:
+def test_page_and_table_of_the_leaderboard(
+    ran: SuiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(leaderboard_module, "FEWEST_GROUPS", 2)
     path = write_leaderboard(ran, leaderboard(ran))
     page = path.read_text(encoding="utf-8")
     assert "Most accurate: exact_fit." in page
@@ -214,7 +228,7 @@ def test_the_command_reports_in_words_and_as_json(
     command = CommandLine(cli.main, capfd)
     ended = command("suite", "leaderboard", ran.root, "--json")
     assert ended.status == 0, ended
-    assert json.loads(ended.out)["tracks"]["one"].startswith("Most accurate: exact_fit.")
+    assert json.loads(ended.out)["tracks"]["one"].startswith("Most accurate, not disting")
     ended = command("suite", "verify", ran.root)
     assert (ended.status, ended.out) == (
         0,

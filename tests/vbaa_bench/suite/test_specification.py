@@ -4,15 +4,18 @@ import re
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from solver.instrument.errors import InputError
+from solver.instrument.files import sha256
 from tests.vbaa_bench.suite.small import write_suite
 from vbaa_bench.scene.frames import Frames
+from vbaa_bench.scene.shipped import frozen_digests, shipped_suites
 from vbaa_bench.suite.frozen import read_frozen
-from vbaa_bench.suite.specification import load_suite, shipped_suites
+from vbaa_bench.suite.specification import load_suite
 
 
-@pytest.mark.parametrize("name", shipped_suites())
+@pytest.mark.parametrize("name", [path.stem for path in shipped_suites()])
 def test_a_shipped_suite_fixes_scenes_that_exist(name: str) -> None:
     suite = load_suite(name)
     # Scenes of random rigs take seconds to draw.
@@ -74,6 +77,17 @@ def test_an_unknown_suite_or_track_is_refused_with_those_that_exist(suite: Path)
         load_suite("x")
     with pytest.raises(InputError, match="track 'papers' is unknown, allowed is one of one"):
         load_suite(str(suite)).entries(("papers",))
+
+
+def test_the_citation_has_the_digests_of_the_suites() -> None:
+    root = Path(__file__).parents[3]
+    citation = YAML(typ="safe").load((root / "CITATION.cff").read_text(encoding="utf-8"))
+    stated = {one["value"]: one["description"] for one in citation["identifiers"]}
+    files = [path for suite in shipped_suites() for path in (suite, frozen_digests(suite))]
+    for path in files:
+        name = path.relative_to(root).as_posix()
+        assert name in stated[f"sha256:{sha256(path)}"]
+    assert len(stated) == len(files)
 
 
 def test_rules_on_the_page_are_those_of_the_suite() -> None:
