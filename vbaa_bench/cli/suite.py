@@ -151,7 +151,8 @@ def check(
 def leaderboard(folder: SuiteFolderPath, as_json: AsJson = False) -> None:
     """Rank all methods and submissions by track; write one HTML page and a CSV table.
 
-    Methods that cannot be distinguished have the same rank.
+    A rank is one more than the number of methods that are better by a paired bootstrap, so that
+    several can have rank 1.
     """
     with importing():
         from vbaa_bench.suite.figures import ERROR, FIGURES

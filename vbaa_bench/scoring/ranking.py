@@ -1,4 +1,4 @@
-"""Ranks of methods by a paired bootstrap: methods that cannot be distinguished have the same rank.
+"""Ranks of methods by a paired bootstrap: methods that cannot be distinguished are ties.
 
 All methods are resampled with the same draws of pushes, or of rigs. The statistics of two methods
 then contain the same easy and hard pushes in each draw, and the interval of their difference is

@@ -9,6 +9,7 @@ from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
+from solver.methods.by_name import find_method
 from vbaa_bench.api import data, results
 from vbaa_bench.dataset.collection import count_frames
 from vbaa_bench.dataset.derived import read_limits
@@ -67,7 +68,7 @@ def run_suite(
 
     What is complete is kept: frames, limits, and predictions of methods. `on_line` receives
     remarks. With `fresh`, submissions with code are also run on datasets with the folder's fresh
-    seed. Raises InputError, for a submission before anything is generated.
+    seed. Raises InputError, for a submission or a method before anything is generated.
     """
     submissions = [(path, read_submission(path)) for path in request.submissions]
     for path, submission in submissions:
@@ -77,6 +78,9 @@ def run_suite(
                 f"{folder.suite.content.version}, that of {folder.root}"
             )
     entries = folder.suite.entries(request.tracks)
+    for name in _named(request.methods):
+        if ":" not in name:
+            find_method(name)  # a misspelled name is found before anything is rendered
     with writing(folder.submissions):
         for path, submission in submissions:
             folder.submissions.mkdir(exist_ok=True)

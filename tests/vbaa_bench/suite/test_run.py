@@ -208,6 +208,23 @@ def test_damage_and_missing_datasets_are_named(ran: SuiteFolder, tmp_path: Path)
         leaderboard(folder)
 
 
+def test_what_cannot_be_run_is_refused_before_anything_is_rendered(
+    small_scene: Path, variant: str, tmp_path: Path
+) -> None:
+    suite = write_suite(tmp_path, small_scene, variant)
+    folder = create_folder(tmp_path / "runs", str(suite))
+    other = write_submission(tmp_path / "other", Path("1.0rc1"), "code: mine:f", {"mine.py": "f=1"})
+    for request, sentence in (
+        (Request(methods=("exact_fits",)), "exact_fits"),
+        (Request(tracks=("two",)), "track 'two' is unknown, allowed is one of one"),
+        (Request(submissions=(tmp_path,)), r"method\.yaml: is missing"),
+        (Request(submissions=(other,)), r"suite is 1\.0rc1, allowed is small"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            next(run_suite(folder, request, lambda _line: None))
+    assert sorted(path.name for path in folder.root.iterdir()) == ["suite.json"]
+
+
 def test_a_folder_belongs_to_one_version_of_a_suite(
     small_scene: Path, variant: str, tmp_path: Path
 ) -> None:

@@ -1,5 +1,6 @@
 """Submissions: everything that is missing or wrong is named in one pass."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -95,3 +96,17 @@ def test_a_folder_without_method_yaml_and_the_name_of_a_method(suite: Path, tmp_
     path.write_text(text, encoding="utf-8")
     sentences = [finding.sentence for finding in check_submission(folder)]
     assert f"{path}: name is exact_fit, that of a method of solve" in sentences
+
+
+def test_the_template_on_the_page_can_be_sent(tmp_path: Path) -> None:
+    page = Path(__file__).parents[3] / "docs" / "suite.md"
+    template, code = re.findall(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    method = tmp_path / "method.yaml"
+    method.write_text(template, encoding="utf-8")
+    findings = check_submission(tmp_path)
+    assert [finding.sentence.rpartition(": ")[0] for finding in findings] == [
+        str(tmp_path / name) for name in ("quickstart.csv", "springs.csv", "rigs.parquet")
+    ]
+    method.write_text(template.partition("predictions:")[0] + code, encoding="utf-8")
+    (tmp_path / "my_method.py").write_text("def estimate(measurement): ...\n", encoding="utf-8")
+    assert check_submission(tmp_path) == []
