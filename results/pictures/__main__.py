@@ -16,6 +16,7 @@ from vbaa_bench.cli.options import ScenePath, Variant
 from vbaa_bench.render.variant import choose
 from vbaa_bench.report.console import console, progress_bars
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scene.shipped import SUITES
 
 HERE: Final = Path(__file__).parent
 # Renders scenes into one picture; the last argument is called with the number done and the total.
@@ -43,7 +44,7 @@ def lights(
 
 
 def _draw(sheet: Sheet, folder: Path, out: Path, variant: str | None) -> None:
-    paths = sorted(folder.rglob("*.yaml"))
+    paths = [path for path in sorted(folder.rglob("*.yaml")) if path.parent.name != SUITES]
     if not paths:
         raise InputError(f"{folder}: holds no scene (*.yaml)")
     with progress_bars() as progress:

@@ -27,7 +27,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 FOLDER: Final = Path(__file__).parent
-SCENES: Final = FOLDER.parents[1] / "scenes"
 TABLE: Final = FOLDER / "same_bytes.csv"
 REFERENCE: Final = 8
 # Vectors of 16 values need AVX-512.
@@ -63,7 +62,9 @@ class Row(NamedTuple):
 
 def cases() -> list[Case]:
     """List all scenes, and some rigs of the random ones."""
-    names = [path.relative_to(SCENES).as_posix() for path in sorted(SCENES.rglob("*.yaml"))]
+    from vbaa_bench.scene.shipped import shipped_scene_files, shipped_scenes
+
+    names = [path.relative_to(shipped_scenes()).as_posix() for path in shipped_scene_files()]
     return [Case(n, rig) for n in names for rig in (RIGS if n.startswith("random/") else (0,))]
 
 
@@ -74,8 +75,9 @@ def render(case: Case, out: Path) -> None:
     from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, metered_frames
     from vbaa_bench.scene.frames import Frames
     from vbaa_bench.scene.load import load_scene
+    from vbaa_bench.scene.shipped import shipped_scenes
 
-    file = accepted_rig(load_scene(SCENES / case.scene), case.rig)
+    file = accepted_rig(load_scene(shipped_scenes() / case.scene), case.rig)
     frames = Frames(file.scene)
     middle = frames.count // 2
     indices = {middle, *METERED} & set(range(frames.count))

@@ -19,6 +19,7 @@ from vbaa_bench.cli.export import export
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed
+from vbaa_bench.cli.suite import suite
 from vbaa_bench.cli.view import view
 from vbaa_bench.workers.jobs import WorkerDiedError
 
@@ -102,6 +103,14 @@ for _group, _commands in _GROUPS.items():
         app.command(rich_help_panel=_group, epilog=f"Example: vbaa-bench {_one.example}")(
             _one.function
         )
+
+
+app.add_typer(
+    suite,
+    name="suite",
+    help="Run a suite of the benchmark, verify its datasets, check submissions, rank methods.",
+    rich_help_panel="Compare methods and versions",
+)
 
 
 def _print_version(requested: bool) -> None:

@@ -11,10 +11,13 @@ from typing import Any, Final
 
 import polars as pl
 
+from solver.instrument.files import sha256
 from vbaa_bench.dataset.column import unit
+from vbaa_bench.dataset.document import read_json
 from vbaa_bench.exports.card import DATA_LICENCE_URL, SUMMARY
 from vbaa_bench.exports.columns import VECTORS, description
 from vbaa_bench.exports.source import Source
+from vbaa_bench.scene.shipped import frozen_digests, shipped_suites
 
 Node = dict[str, Any]
 
@@ -118,10 +121,30 @@ def document(source: Source, files: Sequence[Node], record_sets: Sequence[Node])
         "identifier": f"sha256:{source.digest}",
         "keywords": ["robotics", "tactile sensing", "vision-based active antenna", "synthetic"],
         "citeAs": BIBTEX.format(version=version),
+        **_suites(source.digest),
         **RAI,
         "distribution": list(files),
         "recordSet": [_splits(source), *record_sets],
     }
+
+
+def _suites(digest: str) -> Node:
+    """List the suites of the benchmark whose frozen digests have that of a dataset."""
+    nodes = []
+    for path in shipped_suites():
+        frozen = frozen_digests(path)
+        datasets = read_json(frozen)["datasets"] if frozen.is_file() else {}
+        nodes += [
+            {
+                "@type": "sc:CreativeWork",
+                "name": f"VBAA-Bench suite {path.stem}, {name}",
+                "version": path.stem,
+                "identifier": f"sha256:{sha256(path)}",
+            }
+            for name, entry in datasets.items()
+            if entry["digest"] == digest
+        ]
+    return {"isPartOf": nodes} if nodes else {}
 
 
 def file_object(name: str, media_type: str, sha256: str) -> Node:

@@ -8,6 +8,7 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.dataset.column import unit
+from vbaa_bench.scoring.ranking import TIME_OVER_REFERENCE
 from vbaa_bench.scoring.statistics import MAY_BE_CONSISTENT
 
 # Chosen: half of the smallest change that must be found, 2 %. Smaller ones come from rounding,
@@ -138,7 +139,7 @@ COMPARED: Final = (
         "time / reference kernel",
         0.0,
         _SHARED_TIME,
-        pl.col("processor_ms") / pl.when(pl.col("reference_ms") > 0).then("reference_ms"),
+        TIME_OVER_REFERENCE.term,
         least_relative=LEAST_RELATIVE_CHANGE_OF_TIME,
     ),
 )

@@ -6,9 +6,9 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import to_jsonable_python
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
@@ -47,6 +47,7 @@ from vbaa_bench.scene.user_modules import module_digests
 
 # Chosen: shipped scenes are up to 3 kB. A file of the largest size takes two seconds to parse.
 MAX_FILE_BYTES: Final = 100_000
+_Model = TypeVar("_Model", bound=BaseModel)
 
 
 @dataclass(frozen=True)
@@ -143,11 +144,7 @@ def load_scene(
     `frames` is the least number of frames; it changes the number of random pushes.
     """
     path = Path(path)
-    document = _document(path, _text(path))
-    if not isinstance(document, CommentedMap):
-        raise InputError(
-            f"{path}:1:1: is {quoted(document)}, allowed is a mapping of keys to values"
-        )
+    document = _mapping(path)
     for setting in settings:
         _set(document, setting)
     file = _checked(path, document, {} if seed is None else {"seed": seed})
@@ -159,6 +156,33 @@ def load_scene(
     per_repetition = Frames(file.scene).count // size
     _set(document, f"{key}={math.ceil(frames / per_repetition)}")
     return _checked(path, document, {} if seed is None else {"seed": seed})
+
+
+def read_model(path: Path, model: type[_Model]) -> _Model:
+    """Read a YAML file that is no scene, and check it against a model.
+
+    Raises InputError with all mistakes.
+    """
+    document = _mapping(path)
+    try:
+        return model.model_validate(Plain(path).of(document))
+    except ValidationError as error:
+        mistakes = listed_mistakes(path, document, error.errors(), model)
+        raise InputError("\n".join(mistakes)) from error
+
+
+def read_plain(path: Path) -> dict[str, Any]:
+    """Read the mapping in a YAML file as plain values, unchecked. Raises InputError."""
+    return dict(Plain(path).of(_mapping(path)))
+
+
+def _mapping(path: Path) -> CommentedMap:
+    document = _document(path, _text(path))
+    if not isinstance(document, CommentedMap):
+        raise InputError(
+            f"{path}:1:1: is {quoted(document)}, allowed is a mapping of keys to values"
+        )
+    return document
 
 
 def _set(document: CommentedMap, setting: str) -> None:

@@ -36,11 +36,13 @@ RENAMED: Final = {
 }
 
 
-def listed_mistakes(path: Path, document: Any, errors: Iterable[Any]) -> list[str]:
-    """List pydantic's errors in a scene as `file:line:column: key: sentence`."""
+def listed_mistakes(
+    path: Path, document: Any, errors: Iterable[Any], model: type[BaseModel] = Scene
+) -> list[str]:
+    """List pydantic's errors in a document of a model as `file:line:column: key: sentence`."""
     sentences_by_key: dict[KeyPath, list[str]] = {}
     for mistake in errors:
-        key, sentence = _mistake(document, mistake)
+        key, sentence = _mistake(document, mistake, model)
         sentences = sentences_by_key.setdefault(key, [])
         # A value with two allowed types has an error for each.
         alternative = sentences and sentence.rpartition(", allowed is ")
@@ -60,7 +62,7 @@ def listed_mistakes(path: Path, document: Any, errors: Iterable[Any]) -> list[st
     return lines
 
 
-def _mistake(document: Any, mistake: Any) -> tuple[KeyPath, str]:
+def _mistake(document: Any, mistake: Any, model: type[BaseModel] = Scene) -> tuple[KeyPath, str]:
     """Return the key of one of pydantic's errors, as in the file, and a sentence."""
     kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
     key = _key_in_file(document, mistake["loc"], missing=kind == "missing")
@@ -68,11 +70,13 @@ def _mistake(document: Any, mistake: Any) -> tuple[KeyPath, str]:
         case "missing":
             return key, "is missing"
         case "extra_forbidden":
-            return key, f"is an unknown key; {_hint(key, mistake['loc'])}"
+            return key, f"is an unknown key; {_hint(key, mistake['loc'], model)}"
         case "union_tag_invalid" | "union_tag_not_found":
             state = "missing" if kind == "union_tag_not_found" else quoted(value["kind"])
-            allowed = ", ".join(str(kind_of(model)) for model in _models(mistake["loc"]))
-            remedy = "; a kind of your own needs --module" if _is_unknown_kind(mistake) else ""
+            allowed = ", ".join(str(kind_of(kind)) for kind in _models(mistake["loc"], model))
+            remedy = (
+                "; a kind of your own needs --module" if _is_unknown_kind(mistake, model) else ""
+            )
             return (*key, "kind"), f"is {state}, allowed is one of {allowed}{remedy}"
         case "value_error":
             return key, str(context["error"])
@@ -91,19 +95,22 @@ def _mistake(document: Any, mistake: Any) -> tuple[KeyPath, str]:
     return key, f"is {quoted(plain_value)}, allowed is {allowed}"
 
 
-def _is_unknown_kind(mistake: Any) -> bool:
+def _is_unknown_kind(mistake: Any, model: type[BaseModel]) -> bool:
     """Test whether a kind may be that of a user's module."""
-    return mistake["type"] == "union_tag_invalid" and family_of(_field(mistake["loc"])) is not None
+    field = _field(mistake["loc"], model)
+    return mistake["type"] == "union_tag_invalid" and family_of(field) is not None
 
 
-def _hint(key: Sequence[str | int], location: Sequence[str | int]) -> str:
+def _hint(key: Sequence[str | int], location: Sequence[str | int], model: type[BaseModel]) -> str:
     """Suggest the key that is meant by an unknown one, or list those of its section."""
     name = str(location[-1])
     section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
     if renamed := RENAMED.get(section, {}).get(name):
         return f"it is now called {renamed}"
     # Random keys are stated in the places of their values, not in a list.
-    known = [name for name in _models(location[:-1])[0].model_fields if name != "random_keys"]
+    known = [
+        name for name in _models(location[:-1], model)[0].model_fields if name != "random_keys"
+    ]
     similar = difflib.get_close_matches(truncated(name), known, n=1, cutoff=0.7)
     return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
 
@@ -123,20 +130,21 @@ def _key_in_file(document: Any, location: Sequence[str | int], *, missing: bool)
     return tuple(key)
 
 
-def _models(location: Sequence[str | int]) -> list[type[BaseModel]]:
+def _models(location: Sequence[str | int], model: type[BaseModel]) -> list[type[BaseModel]]:
     """List the sections that are allowed at a location of pydantic's, which names their `kind`."""
-    return sections(_field(location))
+    return sections(_field(location, model))
 
 
-def _field(location: Sequence[str | int]) -> Any:
-    """Return the field, or the model, at a location of pydantic's."""
-    field: Any = Scene
+def _field(location: Sequence[str | int], model: type[BaseModel]) -> Any:
+    """Return the field, or the model, at a location of pydantic's within a model."""
+    field: Any = model
     for part in location:
         if isinstance(part, int):
             continue
         models = sections(field)
         matching = [m for m in models if len(models) > 1 and kind_of(m) == part]
-        field = matching[0] if matching else models[0].model_fields[part]
+        # A part that is no key is a name in a mapping, whose values have the same model.
+        field = matching[0] if matching else models[0].model_fields.get(part, field)
     return field
 
 

@@ -88,16 +88,29 @@ def median_interval(values: pl.Series, groups: npt.NDArray[np.int64]) -> Interva
     names, numbers = np.unique(groups[known], return_inverse=True)
     if len(names) < 2:
         return None
-    magnitudes = np.abs(values.drop_nulls().to_numpy())
+    return interval(median_draws(values.drop_nulls(), numbers, draws(len(names))))
+
+
+def median_draws(values: pl.Series, groups: npt.NDArray[np.int64], counts: Floats) -> Floats:
+    """Compute the median of |values| (n,) in each draw, (draws,), by their groups (n,).
+
+    `counts` (draws, groups) are those of `draws`. Nulls do not count; a draw without any other
+    value has NaN.
+    """
+    known = values.is_not_null().to_numpy()
+    if not known.any():
+        return np.full(len(counts), np.nan)
+    magnitudes, numbers = np.abs(values.drop_nulls().to_numpy()), groups[known]
     order = np.argsort(magnitudes, kind="stable")
     ordered, of_group = magnitudes[order], numbers[order]
-    counts = draws(len(names))
     # Counts per group and bin of ranks locate each draw's median in a bin; only the bins that
     # hold a median of some draw are then resolved to single values.
     bins = np.arange(len(ordered)) // _BIN
-    per_bin = np.zeros((len(names), bins[-1] + 1))
+    per_bin = np.zeros((counts.shape[1], bins[-1] + 1))
     np.add.at(per_bin, (of_group, bins), 1.0)
     below = np.cumsum(counts @ per_bin, axis=1)
+    empty = below[:, -1] == 0
+    below[empty] += 1  # any median will do: it is replaced below
     half = below[:, -1:] / 2
     first, last = (below >= half).argmax(axis=1).min(), (below > half).argmax(axis=1).max()
     inner = slice(first * _BIN, (last + 1) * _BIN)
@@ -105,4 +118,5 @@ def median_interval(values: pl.Series, groups: npt.NDArray[np.int64]) -> Interva
     upto = start + np.cumsum(counts[:, of_group[inner]], axis=1)
     # An even number of values has two in its middle.
     lower, upper = (upto >= half).argmax(axis=1), (upto > half).argmax(axis=1)
-    return interval((ordered[inner][lower] + ordered[inner][upper]) / 2)
+    medians = (ordered[inner][lower] + ordered[inner][upper]) / 2
+    return np.where(empty, np.nan, medians)

@@ -32,7 +32,7 @@ from vbaa_bench.scoring.scored_quantities import (
 CONTACTS: Final = [str(outcome) for outcome in Outcome if outcome.has_values]
 # Chosen: the largest error of guessing the middle of the beam, so that leaving a frame out is no
 # advantage for a method that is better than this guess.
-_FAILURE_ERROR_PCT_L: Final = 50.0
+FAILURE_ERROR_PCT_L: Final = 50.0
 
 
 class Reduction(NamedTuple):
@@ -298,7 +298,7 @@ SUMMARY: Final = {
     "x_c_rmse_all_pct_L": Statistic(
         "the same RMSE; a failure counts as an error of L/2",
         RMS,
-        _X_C_PCT.fill_null(_FAILURE_ERROR_PCT_L),
+        _X_C_PCT.fill_null(FAILURE_ERROR_PCT_L),
         where=_TOUCHED & ~pl.col("rightly_refused"),
         defined=_X_C_PCT.is_not_null().any() | pl.col("force_error_n").is_null().all(),
     ).headed("failures as L/2", "RMSE, failures as L/2"),

@@ -9,9 +9,11 @@ from solver.instrument.errors import DamageError
 from solver.instrument.files import sha256
 from tests.vbaa_bench.exports.test_formats import exported
 from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
-from vbaa_bench.exports import croissant
+from vbaa_bench.dataset.overall_digest import dataset_digest
+from vbaa_bench.exports import croissant, croissant_document
 from vbaa_bench.exports.croissant import document_errors, write_croissant
 from vbaa_bench.exports.source import open_source
+from vbaa_bench.scene.shipped import frozen_digests
 
 
 def test_a_document_lists_files_with_sha256_and_fields_with_units(tmp_path: Path) -> None:
@@ -71,3 +73,18 @@ def test_a_hugging_face_export_has_a_document_of_its_own(tmp_path: Path) -> None
     assert {"frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n"} <= answer.keys()
     texts = {name for name, kind in answer.items() if kind == "sc:Text"}
     assert texts == {"frame_id", "outcome", "message", "assumption"}
+
+
+def test_a_frozen_dataset_of_a_suite_is_part_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = write_dataset(tmp_path / "data")
+    suite = tmp_path / "2.0.yaml"
+    suite.write_text("version: 2.0\n", encoding="utf-8")
+    monkeypatch.setattr(croissant_document, "shipped_suites", lambda: [suite])
+    assert "isPartOf" not in json.loads(write_croissant(root).read_bytes())
+    digests = {"paper/fig8": {"digest": dataset_digest(root)}, "paper/fig9": {"digest": "0" * 64}}
+    frozen_digests(suite).write_text(json.dumps({"datasets": digests}), encoding="utf-8")
+    (part,) = json.loads(write_croissant(root).read_bytes())["isPartOf"]
+    assert part["name"] == "VBAA-Bench suite 2.0, paper/fig8"
+    assert part["identifier"] == f"sha256:{sha256(suite)}"

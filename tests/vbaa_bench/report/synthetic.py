@@ -65,6 +65,8 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
             "outcome": np.where(free, "no contact", np.where(refused, "invalid", "contact")),
             "message": pl.Series([None] * frames, dtype=pl.String),
             "image_ms": where(2.0 + number, number < 5),
+            "processor_ms": where(2.0 + number, number < 5),
+            "reference_ms": where(1.0, number < 5),
             "free": free,
             "failed": refused,
             "rightly_refused": False,

@@ -143,6 +143,7 @@ def test_the_summary_names_the_most_accurate_and_the_fastest(
     best = str(headline.summary(list(methods.values())))
     assert "Most accurate: <b>exact_fit</b>" in best
     assert "It is also the fastest" in best
+    assert "cannot be distinguished" not in best
     assert "yours" in speed_chart.omitted(methods.values())
     assert "no time was measured" in speed_chart.omitted(methods.values())
 
@@ -174,3 +175,27 @@ def test_cells_of_few_frames_are_gray_and_without_colour_in_the_legend() -> None
     assert {cell.few for cell in cells} == {cell.frames < 5 for cell in cells}
     enough = {cell.level for cell in cells if cell.frames >= 5}
     assert {level for level, _ in bins.legend([one])} == enough
+
+
+def test_no_winner_is_named_among_methods_that_cannot_be_distinguished() -> None:
+    table = scores(400, ("exact_fit", "two_point", "mine"))
+    error = pl.col("x_c_error_pct_L").first().over("frame_id")
+    # Equal to the fifth digit, and on which pushes they are better is a matter of rounding; the
+    # second is faster by the noise of times, and states a time of its own.
+    even = pl.col("frame_id").str.slice(1).cast(pl.Int64) % 2 == 0
+    first = pl.col("method") == "exact_fit"
+    table = table.with_columns(
+        x_c_error_pct_L=error * (1 + 1e-5 * (first == even).cast(pl.Float64)),
+        failed=False,
+        processor_ms=pl.when(pl.col("method") == "mine").then(0.1).otherwise(2.0)
+        + pl.when(first).then(0.0).otherwise(0.05),
+        reference_ms=1.0,
+    )
+    found = method_statistics(with_groups(table))
+    text = str(headline.summary([found[name] for name in ("exact_fit", "two_point", "mine")]))
+    tied = "<b>exact_fit</b>, <b>two_point</b> and <b>mine</b>, which cannot be distinguished"
+    assert f"Most accurate: {tied}, with median errors of <b>0.0" in text
+    assert "Fastest: <b>exact_fit</b> and <b>two_point</b>, which cannot be distinguished" in text
+    few = with_groups(table.filter(pl.col("frame_id") < "f000005"))
+    not_compared = "Methods are not compared: there are fewer than 6 pushes, or rigs."
+    assert headline.summary(list(method_statistics(few).values())) == not_compared

@@ -1,6 +1,5 @@
 """The JSON Schema allows what the loader allows, and finds what an editor can find."""
 
-from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -8,8 +7,9 @@ import pytest
 from ruamel.yaml import YAML
 
 from vbaa_bench.scene.json_schema import file_schema
+from vbaa_bench.scene.shipped import shipped_scene_files
 
-SCENES = sorted((Path(__file__).parents[3] / "scenes").rglob("*.yaml"))
+SCENES = shipped_scene_files()
 SCHEMA = file_schema()
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 SCENE: dict[str, Any] = {

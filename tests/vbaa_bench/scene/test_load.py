@@ -12,6 +12,7 @@ from vbaa_bench.assembly.plan import plan
 from vbaa_bench.scene.load import SceneFile, check_scene, load_scene, recorded_scene
 from vbaa_bench.scene.mistakes import RENAMED
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.shipped import shipped_scene_files
 
 SCENES = Path(__file__).parents[3] / "scenes"
 
@@ -37,7 +38,7 @@ def test_fig8_is_the_papers_experiment() -> None:
             )
 
 
-@pytest.fixture(scope="module", params=sorted(SCENES.rglob("*.yaml")), ids=lambda path: path.stem)
+@pytest.fixture(scope="module", params=shipped_scene_files(), ids=lambda path: path.stem)
 def shipped(request: pytest.FixtureRequest) -> SceneFile:
     """Each scene of this repository. Hundreds of draws of a random one are checked: up to 1 s."""
     return load_scene(request.param)

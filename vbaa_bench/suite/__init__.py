@@ -1,0 +1,1 @@
+"""Suites: fixed tracks of datasets, their digests, submissions and the leaderboard."""
