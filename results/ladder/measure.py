@@ -76,7 +76,9 @@ class Ladder(NamedTuple):
                 np.bincount(self.groups[answered], weights, counts.shape[1])
                 for weights in (errors.x_c[answered] ** 2, None)
             )
-            low, high = interval(np.sqrt(counts @ squares / (counts @ cases))) or (None, None)
+            with np.errstate(invalid="ignore"):  # a draw may have no answered frame
+                means = counts @ squares / (counts @ cases)
+            low, high = interval(np.sqrt(means)) or (None, None)
             yield {
                 "dataset": self.dataset,
                 "rung": errors.rung,

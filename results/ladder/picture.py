@@ -48,7 +48,7 @@ def png(ladder: Ladder) -> bytes:
                 plot.marker(size, beside - number, "circle", 1.2, class_=colour, opacity=0.35)
         key = f"x_c_rmse_pct_L_at_{name.partition(' ')[0]}_pct"
         means = np.array([row[key] for row in rows])
-        plot.line(means, -np.arange(count), class_=f"curve {colour}", opacity=0.8)
+        plot.line(means, -np.arange(count, dtype=np.float64), class_=f"curve {colour}", opacity=0.8)
         for number, mean in enumerate(means):
             plot.marker(mean, -number, shape, 5, class_=colour)
     for number, row in enumerate(rows):
