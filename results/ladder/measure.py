@@ -1,7 +1,8 @@
 """Errors of every rung on a dataset, and the table of the ladder."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -106,9 +107,8 @@ def measure(root: Path, on_frame: Callable[[], None]) -> Ladder:
 
     `on_frame` is called once per frame. Raises InputError, also without information limits.
     """
-    layouts = CollectionLayout(root).rigs().values() if is_collection(root) else [Layout(root)]
     parts, tables = [], []
-    for layout in layouts:
+    for layout in _layouts(root):
         truth = open_truth(layout.truth, centrelines=False).frames
         parts.append(list(_errors(layout, truth, on_frame)))
         tables.append(truth)
@@ -122,11 +122,13 @@ def measure(root: Path, on_frame: Callable[[], None]) -> Ladder:
 
 def count_frames(roots: Sequence[Path]) -> int:
     """Count the frames of datasets and collections. Raises InputError."""
-    count = 0
-    for root in roots:
-        layouts = CollectionLayout(root).rigs().values() if is_collection(root) else [Layout(root)]
-        count += sum(len(open_observations(layout.observations).frames) for layout in layouts)
-    return count
+    layouts = itertools.chain.from_iterable(map(_layouts, roots))
+    return sum(len(open_observations(layout.observations).frames) for layout in layouts)
+
+
+def _layouts(root: Path) -> Collection[Layout]:
+    """List the datasets of a collection; a dataset is its only one."""
+    return CollectionLayout(root).rigs().values() if is_collection(root) else [Layout(root)]
 
 
 def _errors(layout: Layout, truth: pl.DataFrame, on_frame: Callable[[], None]) -> Iterator[Errors]:

@@ -98,5 +98,5 @@ def every_pair(measurement: Measurement) -> Estimate:
 
 
 def exact_beam(measurement: Measurement) -> Estimate:
-    """Fit the exact beam to all columns, and accept errors that the nuisances would explain."""
+    """Fit the exact beam in closed form; no other beam is tried where it does not fit."""
     return uniform_estimate(measurement).estimate
