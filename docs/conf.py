@@ -78,7 +78,8 @@ def _write_inline(writer: HTML5Translator, node: nodes.math) -> None:
 
 def _write_block(writer: HTML5Translator, node: nodes.math_block) -> None:
     """Write a displayed formula, which scrolls where the page is narrower."""
-    writer.body.append(f'<div style="overflow-x: auto">{_formula(node, as_block=True)}</div>\n')
+    formula = _formula(node, as_block=True)
+    writer.body.append(f'<div style="overflow-x: auto; margin: 1em 0">{formula}</div>\n')
     raise nodes.SkipNode
 
 
