@@ -225,6 +225,57 @@ def of_outline(row: list[str]) -> Iterator[Figure]:
     yield from map(Figure, texts, (float(values[k]) for k in (2, 3, 4, 6)))
 
 
+def rung(dataset: str, name: str) -> dict[str, Any]:
+    """Figures of a rung of the ladder, and its number."""
+    table = pl.read_csv(RESULTS / "ladder" / "ladder.csv").filter(dataset=dataset)
+    return table.with_row_index("number", 1).row(by_predicate=pl.col("rung") == name, named=True)
+
+
+def of_rung(row: list[str]) -> Iterator[Figure]:
+    """Median, RMSE at three deflections and of all, factor and share of a rung of the ladder."""
+    number, _, name = row[0].partition(" ")
+    values = rung("fig8_rigid", named(name))
+    assert int(number) == values["number"]
+    yield from figures(row[1], values["x_c_median_abs_pct_L"])
+    yield from figures(row[2], *(values[f"x_c_rmse_pct_L_at_{one[:-2]}_pct"] for one in PUSHES))
+    yield from figures(row[3], values["x_c_rmse_pct_L"])
+    if int(number) > 1:
+        yield from figures(row[4], values["divides_by"])
+        assert row[5].startswith("−") == (values["share_pct"] < 0)
+        yield from figures(row[5], abs(values["share_pct"]))
+
+
+def of_drawn_rigs(row: list[str]) -> Iterator[Figure]:
+    """Median and RMSE of a rung on a rig as drawn, and on rigs within their tolerances."""
+    name = named(row[0])
+    drawn = rung("drawn", name)
+    yield from figures(row[3], drawn["answered"], drawn["frames"])
+    for cells, values in ((row[1:3], rung("fig8_rigid", name)), (row[4:6], drawn)):
+        yield from figures(cells[0], values["x_c_median_abs_pct_L"])
+        yield from figures(cells[1], values["x_c_rmse_pct_L"])
+
+
+def of_broken_assumption(row: list[str]) -> Iterator[Figure]:
+    """RMSE of x_c or of the force, with a uniform, a stated and a learned beam."""
+    page = (RESULTS / "learned_beam" / "README.md").read_text(encoding="utf-8")
+    column = 11 if row[1].startswith("force") else 4
+    scene = row[0].partition(":")[0]
+    beams: dict[str, list[tuple[float, float]]] = {}
+    here = beam = ""
+    for line in tables(page)[0].rows:
+        here, beam = line[0].partition(",")[0] or here, line[1] or beam
+        if here == scene:
+            beams.setdefault(beam, []).append((float(line[2]), float(line[column])))
+    for cell, name in zip(row[2:], ("before", "as stated", "learned"), strict=True):
+        counts = next((rows for beam, rows in beams.items() if beam.startswith(name)), None)
+        if cell == "–":
+            assert counts is None
+        else:
+            assert counts is not None
+            frames, errors = np.transpose(counts)
+            yield Figure(cell, float(np.sqrt(np.average(errors**2, weights=frames))))
+
+
 SOURCES: dict[str, Callable[[list[str]], Iterator[Figure]]] = {
     "method": of_readme,
     "median error of x_c": of_fig8,
@@ -233,12 +284,15 @@ SOURCES: dict[str, Callable[[list[str]], Iterator[Figure]]] = {
     "scene": of_hard_scene,
     "object": of_outline,
     "entrant": of_entrant,
+    "rung": of_rung,
+    "rung, on rigs": of_drawn_rigs,
+    "broken assumption": of_broken_assumption,
 }
 # Tables of measured figures of which no committed file holds the values.
 WITHOUT_SOURCE = {
     "perturbation of the images or of `rig.json`": "results/stress has not been made yet",
 }
-PAGES = ("README.md", "docs/accuracy.md", "docs/entrants.md")
+PAGES = ("README.md", "docs/accuracy.md", "docs/entrants.md", "docs/ladder.md")
 TABLES = [one for page in PAGES for one in tables((ROOT / page).read_text(encoding="utf-8"))]
 
 

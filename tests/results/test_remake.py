@@ -1,53 +1,17 @@
 """Folders of results: each is made again by one command, which records what it was made with."""
 
-import importlib
 import json
-import shlex
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
 
 from results.remake import RECORD, SCRIPT, note_of, remake
 from solver.instrument.errors import InputError
-from vbaa_bench.cli.main import app as product
+from tests.command_words import calls
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = sorted(path.parent for path in (ROOT / "results").glob("*/README.md"))
-
-
-def commands(script: Path) -> Iterator[tuple[typer.Typer, list[str]]]:
-    """Calls of vbaa-bench, and of the laboratory's modules, in a script: command line and words."""
-    for line in script.read_text(encoding="utf-8").replace("\\\n", " ").splitlines():
-        words = shlex.split(line.strip(), comments=True)
-        if words[:1] == ["vbaa-bench"]:
-            yield product, words[1:]
-        elif words[:2] == ["python", "-m"]:
-            module = importlib.import_module(f"{words[2]}.__main__")
-            yield module.app, words[3:]
-
-
-def unknown_words(app: typer.Typer, words: list[str]) -> list[str]:
-    """Options and scenes of a call that do not exist."""
-    command: Any = typer.main.get_command(app)
-    while hasattr(command, "commands"):
-        if words[0] not in command.commands:
-            return words[:1]
-        command, words = command.commands[words[0]], words[1:]
-    known = {name for one in command.params for name in (*one.opts, *one.secondary_opts)}
-    return [
-        word
-        for word in words
-        if (word.startswith("-") and word not in known)
-        or (
-            word.startswith(("scenes/", "results/"))
-            and "$" not in word
-            and not (ROOT / word).exists()
-        )
-    ]
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
@@ -55,7 +19,8 @@ def test_a_folder_of_results_is_made_again_by_one_command(folder: Path) -> None:
     assert note_of(folder) in (folder / "README.md").read_text(encoding="utf-8")
     script = folder / SCRIPT
     subprocess.run(["bash", "-n", script], check=True)
-    assert [unknown for call in commands(script) if (unknown := unknown_words(*call))] == []
+    text = script.read_text(encoding="utf-8")
+    assert [mistake for call in calls(text) if (mistake := call.mistake())] == []
     if (folder / RECORD).exists():
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
         assert {"version", "commit", "datasets_made_with", "machine"} <= record.keys()
