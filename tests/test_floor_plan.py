@@ -20,6 +20,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"dataset", "sensor"},
         {"scene"},
         {"geometry", "mechanics"},
+        {"extra"},
     ],
     "solver": [
         {"__init__", "__main__"},

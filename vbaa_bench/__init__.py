@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 # Imported before OpenCV, for the limit of the images that OpenCV decodes.
 import solver.instrument  # noqa: F401
+from vbaa_bench.extra import remedy
 
 if TYPE_CHECKING:
     from solver.instrument.errors import InputError
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from vbaa_bench.api.torch_data import torch_dataset
     from vbaa_bench.dataset.readers import open_truth
     from vbaa_bench.scene.load import load_scene
+    from vbaa_bench.scene.shipped import list_scenes
     from vbaa_bench.scene.user_modules import use_module
 
 __all__ = [
@@ -46,6 +48,7 @@ __all__ = [
     "forecast",
     "generate",
     "generate_rigs",
+    "list_scenes",
     "load_scene",
     "open_truth",
     "read_exr",
@@ -68,6 +71,7 @@ _MODULES: Final = {
     "forecast": "vbaa_bench.api.forecast",
     "generate": "vbaa_bench.api.data",
     "generate_rigs": "vbaa_bench.api.data",
+    "list_scenes": "vbaa_bench.scene.shipped",
     "load_scene": "vbaa_bench.scene.load",
     "open_truth": "vbaa_bench.dataset.readers",
     "read_exr": "vbaa_bench.api.data",
@@ -86,7 +90,12 @@ if not TYPE_CHECKING:
         """Import a public name when it is first used."""
         if name not in _MODULES:
             raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-        value = getattr(importlib.import_module(_MODULES[name]), name)
+        try:
+            value = getattr(importlib.import_module(_MODULES[name]), name)
+        except ModuleNotFoundError as error:
+            if (sentence := remedy(error)) is None:
+                raise
+            raise ModuleNotFoundError(sentence, name=error.name) from error
         globals()[name] = value
         return value
 

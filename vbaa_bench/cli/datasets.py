@@ -9,7 +9,15 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Modules, Workers, parsed_range
+from vbaa_bench.cli.options import (
+    METHODS,
+    AsJson,
+    DatasetPath,
+    Modules,
+    SceneOption,
+    Workers,
+    parsed_range,
+)
 from vbaa_bench.report.console import (
     console,
     print_line,
@@ -37,10 +45,7 @@ def verify(
     repair: Annotated[
         bool, typer.Option("--repair", help="render damaged files again, remove surplus files")
     ] = False,
-    scene: Annotated[
-        Path | None,
-        typer.Option(help="scene file, for --repair", show_default="the dataset's own record"),
-    ] = None,
+    scene: SceneOption = None,
     _module: Modules = None,
     against: Annotated[
         str | None,

@@ -43,6 +43,7 @@ from vbaa_bench.scene.random_scene import (
     rig_scene,
 )
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.shipped import find_scene
 from vbaa_bench.scene.user_modules import module_digests
 
 # Chosen: shipped scenes are up to 3 kB. A file of the largest size takes two seconds to parse.
@@ -139,10 +140,11 @@ def load_scene(
 ) -> SceneFile:
     """Read and check a scene. Raises InputError with all mistakes.
 
-    `seed` replaces the file's, and `settings`, such as "beam.length_mm=200", replace values.
-    `frames` is the least number of frames; it changes the number of random pushes.
+    `path` may be the name of a shipped scene, such as "hard/taper". `seed` replaces the file's,
+    and `settings`, such as "beam.length_mm=200", replace values. `frames` is the least number of
+    frames; it changes the number of random pushes.
     """
-    path = Path(path)
+    path = find_scene(path)
     document = _document(path, _text(path))
     if not isinstance(document, CommentedMap):
         raise InputError(

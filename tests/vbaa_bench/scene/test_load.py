@@ -202,7 +202,7 @@ def test_above_yield_is_allowed_when_asked_for(tmp_path: Path) -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is neither a file nor a shipped scene"):
         load_scene(tmp_path / "none.yaml")
     with pytest.raises(InputError, match="cannot be read"):
         load_scene(tmp_path)
