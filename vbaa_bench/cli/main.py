@@ -16,6 +16,7 @@ from solver.lab.command_end import run_command
 from vbaa_bench.cli import checks, data, datasets, measure, results
 from vbaa_bench.cli.compare import compare
 from vbaa_bench.cli.export import export
+from vbaa_bench.cli.help import Command, in_words
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.scenes import scenes
@@ -57,6 +58,10 @@ class _Commands(typer.core.TyperGroup):
         if cmd_name in MOVED:
             raise InputError(f"{cmd_name} is no command any more: use {MOVED[cmd_name]}")
         return super().get_command(ctx, cmd_name)
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options of the program, with types in words."""
+        return [in_words(parameter) for parameter in super().get_params(ctx)]
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command. Raises InputError if it needs an extra that is not installed."""
@@ -111,9 +116,9 @@ _GROUPS: Final = {
 app = typer.Typer(cls=_Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 for _group, _commands in _GROUPS.items():
     for _one in _commands:
-        app.command(rich_help_panel=_group, epilog=f"Example: vbaa-bench {_one.example}")(
-            _one.function
-        )
+        app.command(
+            cls=Command, rich_help_panel=_group, epilog=f"Example: vbaa-bench {_one.example}"
+        )(_one.function)
 
 
 def _print_version(requested: bool) -> None:

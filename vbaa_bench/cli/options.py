@@ -158,7 +158,7 @@ Modules = Annotated[
 FrameCount = Annotated[
     int | None,
     typer.Option(
-        "--frames", min=1, help="frames per rig: sets sampling.count or pushes.repeats, rounded up"
+        "--frames", min=1, help="frames per rig: sets sampling.count or pushes.draws, rounded up"
     ),
 ]
 Rigs = Annotated[

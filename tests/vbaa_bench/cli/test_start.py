@@ -130,6 +130,17 @@ def test_every_command_shows_an_example_with_options_that_exist() -> None:
             find_scene(words[0])
 
 
+def test_help_has_types_and_defaults_in_words() -> None:
+    group: Any = typer.main.get_command(cli.app)
+    for words in ([], *([name] for name in group.commands)):
+        text = CliRunner().invoke(cli.app, [*words, "--help"], env={"COLUMNS": "200"}).stdout
+        assert "Show this message" in text
+        assert not re.search(r"\[default|<(bool|str|list|int|float)", text), words
+    text = CliRunner().invoke(cli.app, ["run", "--help"], env={"COLUMNS": "200"}).stdout
+    assert "folder to write; default: runs/<scene>" in text
+    assert "median time is used; default: 3 " in text
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
