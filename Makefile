@@ -8,7 +8,7 @@ PYTEST := $(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-
 NARROW := VBAA_BENCH_VECTOR_WIDTH=4
 OLDEST := OPENBLAS_CORETYPE=Prescott NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR" NUMBA_CPU_NAME=x86-64
 
-.PHONY: demo test types tests ci docs narrow oldest seeds golden libraries lock clean
+.PHONY: demo test types tests ci docs narrow oldest seeds golden libraries lock dist clean
 
 demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
@@ -72,6 +72,10 @@ libraries: .venv/ready
 lock: .tools/bin/uv
 	.tools/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header --no-annotate \
 		--python-version 3.11 --extra dev pyproject.toml -o requirements.lock
+
+# Wheel and sdist, in build/dist.
+dist: .venv/ready
+	$(BIN)/python -m hatchling build -d build/dist
 
 # Rendered data, runs/, are kept: they take hours.
 clean:

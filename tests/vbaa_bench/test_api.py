@@ -3,6 +3,7 @@
 import ast
 import doctest
 import importlib
+import shutil
 import types
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,11 +15,14 @@ import pytest
 import vbaa_bench as vb
 from solver.instrument.images import read_grey
 from tests.draws import scene_seed
+from vbaa_bench.api import comparison, export, limits, preview, verification, views
 from vbaa_bench.api import frame as frame_module
 from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
 from vbaa_bench.assembly.plan import check_possible
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.limits import dataset_limits, maps
+from vbaa_bench.scene import shipped
 from vbaa_bench.scene.rendering import Layer
 from vbaa_bench.scoring.isolation.runs import Job, MethodRun
 from vbaa_bench.scoring.results_layout import Results
@@ -26,16 +30,46 @@ from vbaa_bench.workers import machine
 from vbaa_bench.workers.jobs import SameProcess
 
 
-@pytest.mark.parametrize("module", [vb, frame_module, scene_module], ids=lambda m: m.__name__)
+@pytest.mark.parametrize(
+    "module", [vb, frame_module, scene_module, shipped, preview], ids=lambda m: m.__name__
+)
 def test_examples_run(
     module: types.ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     # The start of a worker takes longer than what the examples render.
     monkeypatch.setattr(machine, "Pool", SameProcess)
+    monkeypatch.setattr(preview, "Pool", SameProcess)
     failed, attempted = doctest.testmod(module)
     assert failed == 0
-    assert attempted > 3
+    assert attempted > 1
+
+
+@pytest.fixture(scope="module")
+def scored(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> vb.Dataset:
+    """The dataset of the tests, scored with one method of the paper."""
+    data = vb.Dataset(shutil.copytree(dataset, tmp_path_factory.mktemp("api") / "set"))
+    vb.score(data, methods="two_point")
+    return data
+
+
+def test_examples_with_a_scored_dataset_run(
+    scored: vb.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for module in (maps, dataset_limits):
+        monkeypatch.setattr(module, "Pool", SameProcess)
+    for used in (verification, export, views, results_module, comparison, limits):
+        failed, attempted = doctest.testmod(used, globs={"vb": vb, "data": scored})
+        assert (failed, attempted > 0) == (0, True), used
+
+
+def test_what_commands_do_has_an_example_in_python() -> None:
+    for name in ("compare", "export", "map_limits", "preview", "render_frame", "save_baseline"):
+        assert ">>> " in str(getattr(vb, name).__doc__), name
+    for name in ("store_limits", "subset", "table", "verify", "view", "write_croissant"):
+        assert ">>> " in str(getattr(vb, name).__doc__), name
+    assert ">>> " in str(vb.write_report.__doc__)
 
 
 def test_public_names_are_those_that_are_resolved_and_checked() -> None:

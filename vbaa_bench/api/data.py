@@ -68,12 +68,12 @@ class Collection:
         return pl.read_csv(data, infer_schema_length=None)
 
 
-AnyDataset = Dataset | Path | str
+AnyDataset = Dataset | Collection | Path | str
 
 
 def dataset_folder(data: AnyDataset) -> Path:
-    """Return the folder of a dataset."""
-    return Path(data.root if isinstance(data, Dataset) else data)
+    """Return the folder of a dataset or a collection."""
+    return Path(data.root if isinstance(data, Dataset | Collection) else data)
 
 
 @functools.cache

@@ -27,10 +27,57 @@ from vbaa_bench.scoring.isolation.runs import (
 from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results, run_name
 from vbaa_bench.scoring.score import read_scores, score_rigs, with_own
 from vbaa_bench.scoring.score import score as write_scores
+from vbaa_bench.scoring.tables import FORMATS
 from vbaa_bench.workers.resources import cores
 
 # Name that selects all methods of the solver.
 _ALL_METHODS: Final = "all"
+
+
+@dataclass(frozen=True)
+class AccuracyTable:
+    """Scores of several datasets as one table.
+
+    `rows` hold all statistics by name: a row for each dataset and method, split by a condition
+    `by`, if any, and rows of the information limits where they were computed.
+    """
+
+    rows: list[dict[str, Any]]
+    by: str | None
+
+    def frame(self) -> pl.DataFrame:
+        """Return the statistics that are numbers or texts, one row per row."""
+        return pl.DataFrame(
+            [
+                {name: value for name, value in row.items() if not isinstance(value, dict)}
+                for row in self.rows
+            ],
+            infer_schema_length=None,
+        )
+
+    def text(self, form: str = "markdown", *, brief: bool = False) -> str:
+        """Write the table as "markdown", "latex" (with booktabs) or "csv".
+
+        A brief one has errors of x_c, force and psi, bound, coverage and time. Raises InputError.
+        """
+        if form not in FORMATS:
+            raise InputError(f"--format is {form}, allowed is one of {', '.join(FORMATS)}")
+        return FORMATS[form](self.rows, self.by, brief=brief)
+
+
+def table(datasets: Sequence[AnyDataset] | AnyDataset, by: str | None = None) -> AccuracyTable:
+    """Collect the scores of one or several scored datasets in one table.
+
+    `by` splits them by a condition, as `vbaa-bench table --by` does. Raises InputError for a
+    dataset that is not scored, and for an unknown condition.
+
+    >>> vb.table(data).frame()["method", "n"].rows()
+    [('two_point', 4)]
+    >>> print(vb.table([data, data], by="deflection_pct").text("csv", brief=True)[:29])
+    scene,deflection_pct,method,n
+    """
+    several = [datasets] if isinstance(datasets, AnyDataset) else datasets
+    return AccuracyTable(accuracy([dataset_folder(one) for one in several], by), by)
 
 
 @dataclass(frozen=True)
@@ -55,13 +102,7 @@ class Scores:
 
         Conditions are those of `vbaa-bench table --by`. Raises InputError for an unknown one.
         """
-        return pl.DataFrame(
-            [
-                {name: value for name, value in row.items() if not isinstance(value, dict)}
-                for row in accuracy([self.root], by)
-            ],
-            infer_schema_length=None,
-        )
+        return table(self.root, by).frame()
 
     def _repr_html_(self) -> str:
         return self.table()._repr_html_()

@@ -8,6 +8,7 @@ from typing import Any
 from solver.instrument.errors import InputError
 from solver.methods import METHODS
 from vbaa_bench.api.data import AnyDataset, dataset_folder, usable_variant, worker_count
+from vbaa_bench.api.scene import AnyScene
 from vbaa_bench.dataset.faults import FOREIGN, Fault
 from vbaa_bench.dataset.overall_digest import checked_digest, dataset_digest
 from vbaa_bench.dataset.result_faults import remedy
@@ -15,7 +16,7 @@ from vbaa_bench.dataset.verify import Counts
 from vbaa_bench.dataset.verify import faults as find_faults
 from vbaa_bench.generation.generate import Progress, ignore
 from vbaa_bench.generation.repair import repair as repair_faults
-from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.load import load_scene
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def verify(
     methods: Collection[str] = tuple(METHODS),
     *,
     repair: bool = False,
-    scene: SceneFile | None = None,
+    scene: AnyScene | None = None,
     against: str | None = None,
     workers: int | None = None,
     on_shard: Progress = ignore,
@@ -77,7 +78,12 @@ def verify(
     with a sentence for each fault, `on_shard(done, total)` after each shard, and
     `on_frame(done, total)` as frames are rendered. Raises InputError if the folder is neither,
     cannot be repaired, or `against` is no digest.
+
+    >>> result = vb.verify(data)
+    >>> result.faults, result.counts.frames
+    ([], 4)
     """
+    file = load_scene(scene) if isinstance(scene, Path | str) else scene
     root = dataset_folder(data)
     expected = None if against is None else checked_digest(against)
     counts, first = Counts(), list[Fault]()
@@ -88,7 +94,7 @@ def verify(
     repaired, remaining = list[Fault](), first
     if repair and first:
         count = worker_count(workers, usable_variant())
-        repair_faults(root, first, scene, count, on_frame, on_fault)
+        repair_faults(root, first, file, count, on_frame, on_fault)
         counts = Counts()
         remaining = list(find_faults(root, methods, counts, on_shard))
         repaired = [fault for fault in first if fault not in remaining]

@@ -49,11 +49,10 @@ def compare(
     if why is not None:
         raise InputError("--why is stated without --save")
     with importing():
-        from vbaa_bench.regression.comparison import compare as compare_runs
-        from vbaa_bench.regression.comparison import pairs_of
+        from vbaa_bench.api import comparison as api
 
     with console.status("comparing"):
-        comparison = compare_runs(pairs_of(run, baseline))
+        comparison = api.compare(run, baseline)
     worse = comparison.worse
     if as_json:
         record = {
@@ -79,13 +78,11 @@ def compare(
 
 def _save(run: Path, out: Path, why: str | None, as_json: bool) -> None:
     with importing():
-        from vbaa_bench.regression.baseline import write_baseline
-        from vbaa_bench.regression.scored_run import read_run
+        from vbaa_bench.api.comparison import save_baseline
 
-    scored = read_run(run)
-    write_baseline(scored, out, why)
-    record = {"baseline": str(out), "bytes": out.stat().st_size, "methods": scored.methods}
-    print_result(record, f"{out}: {len(scored.methods)} methods", as_json)
+    methods = save_baseline(run, out, why=why)
+    record = {"baseline": str(out), "bytes": out.stat().st_size, "methods": methods}
+    print_result(record, f"{out}: {len(methods)} methods", as_json)
 
 
 _HEADS = (

@@ -24,10 +24,11 @@ from vbaa_bench.cli.options import (
     part_of,
     rig_numbers,
 )
-from vbaa_bench.report.console import console, print_result
+from vbaa_bench.report.console import console, print_line, print_result
 
 if TYPE_CHECKING:
     from vbaa_bench.dataset.collection import FrameCounts
+    from vbaa_bench.scene.load import SceneFile
 
 
 def generate(
@@ -79,9 +80,19 @@ def _show_forecast(
         from vbaa_bench.scene.load import load_scene
 
     file = load_scene(choice.path, choice.seed, choice.settings or (), choice.frames)
+    say_what_is_drawn_once(file)
     with console.status("probing a few frames"):
         cost = forecast(file, workers=workers, variant=variant)
     print_result(cost.record(), str(cost), as_json)
+
+
+def say_what_is_drawn_once(file: "SceneFile") -> None:
+    """Name the random keys that have one value for all frames, which may not be meant."""
+    if file.drawn_once:
+        print_line(
+            f"drawn once for all frames: {', '.join(file.drawn_once)}; with per: push or per: "
+            "frame a key is drawn for every push or frame"
+        )
 
 
 def exit_if_incomplete(counts: "FrameCounts") -> None:

@@ -9,7 +9,15 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Modules, Workers, parsed_range
+from vbaa_bench.cli.options import (
+    METHODS,
+    AsJson,
+    DatasetPath,
+    Modules,
+    SceneOption,
+    Workers,
+    parsed_range,
+)
 from vbaa_bench.report.console import (
     console,
     print_line,
@@ -21,7 +29,6 @@ from vbaa_bench.report.console import (
 
 if TYPE_CHECKING:
     from vbaa_bench.benchmarks.leaks import LeakTest
-    from vbaa_bench.dataset.subset import Choice
 
 
 class Page(StrEnum):
@@ -37,10 +44,7 @@ def verify(
     repair: Annotated[
         bool, typer.Option("--repair", help="render damaged files again, remove surplus files")
     ] = False,
-    scene: Annotated[
-        Path | None,
-        typer.Option(help="scene file, for --repair", show_default="the dataset's own record"),
-    ] = None,
+    scene: SceneOption = None,
     _module: Modules = None,
     against: Annotated[
         str | None,
@@ -63,9 +67,7 @@ def verify(
     """
     with importing():
         from vbaa_bench.api.verification import verify as verify_dataset
-        from vbaa_bench.scene.load import load_scene
 
-    file = None if scene is None else load_scene(scene)
     with progress_bars() as bars:
 
         def on_fault(sentence: str) -> None:
@@ -76,7 +78,7 @@ def verify(
             dataset,
             METHODS,
             repair=repair,
-            scene=file,
+            scene=scene,
             against=against,
             workers=workers,
             on_shard=progress_bar(bars, "verifying"),
@@ -146,33 +148,24 @@ def subset(
 ) -> None:
     """Copy some frames of a dataset into a new dataset, which is solved and scored as any other."""
     with importing():
-        from vbaa_bench.dataset.subset import subset as write_subset
+        from vbaa_bench.api.export import subset as write_subset
+        from vbaa_bench.dataset.collection import count_frames
 
-    choice = choice_of(frames, split, shards, cut_pushes)
+    chosen = None if shards is None else shard_range(shards)
     with console.status("copying"):
-        count = write_subset(dataset, out, choice)
+        write_subset(dataset, out, frames=frames, split=split, shards=chosen, cut_pushes=cut_pushes)
+    count = count_frames(out).frames
     print_result({"dataset": str(out), "frames": count}, f"{count} frames in {out}", as_json)
 
 
-def choice_of(
-    frames: int | None, split: str | None, shards: str | None, cut_pushes: bool
-) -> "Choice":
-    """Return the frames that the options of `subset` choose. Raises InputError."""
-    with importing():
-        from vbaa_bench.dataset.subset import Choice
-
-    if sum(value is not None for value in (frames, split, shards)) != 1:
-        raise InputError("allowed is one of --frames, --split and --shards")
-    if cut_pushes and frames is None:
-        raise InputError("--cut-pushes is allowed with --frames only")
-    if shards is None:
-        return Choice(frames, split, None, cut_pushes)
-    chosen = parsed_range(shards)
+def shard_range(text: str) -> tuple[int, int]:
+    """Parse the shards of `subset`, the first and the one after the last. Raises InputError."""
+    chosen = parsed_range(text)
     if chosen is None or chosen.stop is None:
-        raise InputError(f"--shards is {shards}, allowed is a number or a range such as 0:10")
+        raise InputError(f"--shards is {text}, allowed is a number or a range such as 0:10")
     if chosen.start >= chosen.stop:
-        raise InputError(f"--shards is {shards}, allowed is a range such as 0:10")
-    return Choice(shards=(chosen.start, chosen.stop))
+        raise InputError(f"--shards is {text}, allowed is a range such as 0:10")
+    return chosen.start, chosen.stop
 
 
 def schema(

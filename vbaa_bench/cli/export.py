@@ -1,7 +1,6 @@
 """The command that exports a dataset to the formats of other tools."""
 
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Final
@@ -11,7 +10,7 @@ import typer
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, DatasetPath, checked_path
 from vbaa_bench.exports.format import FORMATS
-from vbaa_bench.report.console import console, print_result, progress_bar, progress_bars
+from vbaa_bench.report.console import console, late_bars, print_result
 
 # Metadata that are added to the dataset, and no format of frames.
 _CROISSANT: Final = "croissant"
@@ -51,8 +50,8 @@ def export(
     """
     with importing():
         from solver.instrument.errors import InputError
-        from vbaa_bench.exports.croissant import write_croissant
-        from vbaa_bench.exports.export import export as export_dataset
+        from vbaa_bench.api.export import export as export_dataset
+        from vbaa_bench.api.export import write_croissant
 
     if (to == _CROISSANT) != (out is None):
         raise InputError(
@@ -72,27 +71,11 @@ def export(
                 dataset,
                 to,
                 out,
-                _progress(shown, ("reading", "writing", "checking")),
                 centrelines=centrelines,
+                progress=late_bars(shown, ("reading", "writing", "checking")),
             )
     except KeyboardInterrupt:
         console.print("interrupted; run the same command again to continue")
         raise
     record = {"export": str(out), "frames": result.frames, "splits": result.splits}
     print_result(record, f"{result.frames} frames in {out}, read back and equal", as_json)
-
-
-def _progress(shown: ExitStack, steps: tuple[str, ...]) -> Callable[[str, int, int], None]:
-    """Return a function that shows the progress of steps; bars appear when the first has begun.
-
-    A mistake that is detected earlier has one sentence and no bars.
-    """
-    bars: dict[str, Callable[[int, int], None]] = {}
-
-    def progress(step: str, done: int, total: int) -> None:
-        if not bars:
-            shown_bars = shown.enter_context(progress_bars())
-            bars.update({name: progress_bar(shown_bars, name) for name in steps})
-        bars[step](done, total)
-
-    return progress

@@ -1,5 +1,7 @@
 """The command limits: of a scene as maps, or of the frames of a dataset."""
 
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +10,7 @@ import typer
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Modules, SceneOrDataset, Seed, Settings, Variant, Workers
 from vbaa_bench.report.console import (
-    console,
+    late_bars,
     print_line,
     print_result,
     progress_bar,
@@ -72,82 +74,53 @@ def limits(
 
     with importing():
         from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.api.data import usable_variant, worker_count
-        from vbaa_bench.limits import designs, maps, places, requirements, summaries
-        from vbaa_bench.limits.page import limits_page
-        from vbaa_bench.limits.summary_table import answers, summary_table
-        from vbaa_bench.scene.load import load_scene
-        from vbaa_bench.scoring.information_sets import SETS, check_information
+        from vbaa_bench.api.limits import map_limits
 
-    check_information(information, "--information")
-    required = requirements.requirements(require or [], information)
-    grid = places.grid(
-        _numbers("--contact-distance-pct", contact_distances),
-        _numbers("--deflection-pct", deflections),
-    )
-    # A mistake in the file or in --set is not one of a design.
-    file = load_scene(source, seed, settings or ())
+    distances = _numbers("--contact-distance-pct", contact_distances)
+    tips = _numbers("--deflection-pct", deflections)
     page = out or Path("runs/limits") / f"{source.stem}.html"
     for path in filter(None, (page, csv)):
         prepare_output_path(path)
-    with console.status("checking the designs"):
-        compared = designs.designs(source, vary or (), information, seed, settings or ())
-        chosen = usable_variant(variant)
-    with progress_bars() as bars:
-        table = maps.maps(
-            compared,
-            grid,
-            information,
-            chosen,
-            worker_count(workers, chosen),
-            progress_bar(bars, "limits"),
+    with ExitStack() as shown:
+        maps = map_limits(
+            source,
+            vary=vary or (),
+            require=require or (),
+            information=information,
+            contact_distance_pct=distances,
+            deflection_pct=tips,
+            seed=seed,
+            settings=settings or (),
+            workers=workers,
+            variant=variant,
+            progress=partial(late_bars(shown, ("limits",)), "limits"),
         )
-    summary = summaries.summaries(table, compared, required)
-    facts = [f"Information set {information}: {SETS[information]}, with all data before contact."]
-    if information == "push":
-        facts.append("The steps of a push are the deflections of the map, up to that of the place.")
-    facts += [f"Changed in the scene: {', '.join(settings)}."] if settings else []
-    facts += ["Random keys have the values of their first draw."] if file.is_random else []
-    title = f"Information limits: {file.scene.title}"
-    write(page, limits_page(title, facts, table, summary, required, information).encode())
+    write(page, maps.page().encode())
     if csv:
-        write(csv, table.write_csv().encode())
+        write(csv, maps.table.write_csv().encode())
     if as_json:
-        record = {
-            "scene": str(source),
-            "information": information,
-            "requirements": [str(one) for one in required],
-            "designs": [one.record() for one in summary],
-            "places": table.to_dicts(),
-            "page": str(page),
-        }
-        print_result(record, "", True)
+        print_result({"scene": str(source), **maps.record(), "page": str(page)}, "", True)
         return
-    show_table(f"{title}\nmedian (best–worst) over places", *summary_table(summary, required))
-    for line in [*facts, *(f"{one.design}: {one.reason}" for one in summary if one.reason)]:
+    show_table(f"{maps.title}\nmedian (best–worst) over places", *maps.summary())
+    impossible = [f"{one.design}: {one.reason}" for one in maps.designs if one.reason]
+    for line in [*maps.facts, *impossible]:
         print_line(line)
-    print_result({}, "\n".join([*answers(summary, required), f"page: {page}"]), False)
+    print_result({}, "\n".join([*maps.answers(), f"page: {page}"]), False)
 
 
 def store_limits(root: Path, workers: int | None, variant: str | None) -> int:
     """Compute and store the limits of a dataset or collection; return their number of frames."""
     with importing():
-        from vbaa_bench.api.data import usable_variant, worker_count
-        from vbaa_bench.dataset.collection import CollectionLayout, is_collection
-        from vbaa_bench.limits.dataset_limits import dataset_limits
+        from vbaa_bench.api import limits as api
 
-    rigs = CollectionLayout(root).rigs() if is_collection(root) else {}
-    roots = [layout.root for layout in rigs.values()] or [root]
-    chosen, frames = usable_variant(variant), 0
-    count = worker_count(workers, chosen)
     with progress_bars() as bars:
-        of_rigs = bars.add_task("rigs", total=len(roots), visible=len(roots) > 1)
-        bar = progress_bar(bars, "limits")
-        for one in roots:
-            table = dataset_limits(one, chosen, count, bar)
-            frames += table["frame_id"].n_unique()
-            bars.advance(of_rigs)
-    return frames
+        return api.store_limits(
+            root,
+            workers=workers,
+            variant=variant,
+            on_rig=progress_bar(bars, "datasets"),
+            progress=progress_bar(bars, "limits"),
+        )
 
 
 def _numbers(name: str, text: str) -> list[float]:

@@ -16,11 +16,14 @@ from solver.lab.command_end import run_command
 from vbaa_bench.cli import checks, data, datasets, measure, results
 from vbaa_bench.cli.compare import compare
 from vbaa_bench.cli.export import export
+from vbaa_bench.cli.help import Command, in_words
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
+from vbaa_bench.cli.scenes import scenes
 from vbaa_bench.cli.speed import speed
 from vbaa_bench.cli.suite import suite
 from vbaa_bench.cli.view import view
+from vbaa_bench.extra import remedy
 from vbaa_bench.workers.jobs import WorkerDiedError
 
 # Commands of before, and where they are now.
@@ -49,13 +52,26 @@ MOVED: Final = {
 
 
 class _Commands(typer.core.TyperGroup):
-    """The commands; a name of before is refused with the one of now."""
+    """The commands. A name of before is refused with the one of now, a missing extra is named."""
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Find a command by its name. Raises InputError for one that is elsewhere now."""
         if cmd_name in MOVED:
             raise InputError(f"{cmd_name} is no command any more: use {MOVED[cmd_name]}")
         return super().get_command(ctx, cmd_name)
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options of the program, with types in words."""
+        return [in_words(parameter) for parameter in super().get_params(ctx)]
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command. Raises InputError if it needs an extra that is not installed."""
+        try:
+            return super().invoke(ctx)
+        except ModuleNotFoundError as error:
+            if (sentence := remedy(error)) is None:
+                raise
+            raise InputError(sentence) from error
 
 
 class _Command(NamedTuple):
@@ -68,8 +84,9 @@ class _Command(NamedTuple):
 # The groups of the help.
 _GROUPS: Final = {
     "Make datasets": (
-        _Command(results.run, "run scenes/quickstart.yaml"),
-        _Command(data.generate, "generate scenes/random/rigs.yaml --rigs 0:20 --out runs/rigs"),
+        _Command(results.run, "run quickstart"),
+        _Command(data.generate, "generate random/rigs --rigs 0:20 --out runs/rigs"),
+        _Command(scenes, "scenes"),
         _Command(data.merge, "merge runs/whole runs/part_1 runs/part_2"),
         _Command(datasets.subset, "subset runs/rigs_0 runs/few --frames 40"),
         _Command(datasets.verify, "verify runs/quickstart --repair"),
@@ -78,7 +95,7 @@ _GROUPS: Final = {
     "Solve and score": (
         _Command(results.solve, "solve runs/quickstart --method exact_fit --method mine:solve"),
         _Command(results.score, "score runs/quickstart --predictions mine.csv"),
-        _Command(limits, "limits scenes/fig8_rigid.yaml --require x_c_pct_L=0.1"),
+        _Command(limits, "limits fig8_rigid --require x_c_pct_L=0.1"),
         _Command(checks.check_method, "check-method mine:solve"),
     ),
     "Compare methods and versions": (
@@ -86,11 +103,11 @@ _GROUPS: Final = {
         _Command(compare, "compare runs/quickstart quickstart.json"),
         _Command(measure.budget, "budget runs/quickstart --method exact_fit"),
         _Command(speed, "speed runs/quickstart --method exact_fit"),
-        _Command(measure.stress, "stress scenes/random/rigs.yaml --rigs 10"),
+        _Command(measure.stress, "stress random/rigs --rigs 10"),
     ),
     "Look at datasets and results": (
         _Command(results.report, "report runs/quickstart --baseline quickstart.json"),
-        _Command(view, "view scenes/hard/friction.yaml --frames 3 --out frame.png"),
+        _Command(view, "view hard/friction --frames 3 --out frame.png"),
         _Command(datasets.info, "info runs/quickstart"),
         _Command(datasets.schema, "schema columns"),
     ),
@@ -100,9 +117,9 @@ _GROUPS: Final = {
 app = typer.Typer(cls=_Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 for _group, _commands in _GROUPS.items():
     for _one in _commands:
-        app.command(rich_help_panel=_group, epilog=f"Example: vbaa-bench {_one.example}")(
-            _one.function
-        )
+        app.command(
+            cls=Command, rich_help_panel=_group, epilog=f"Example: vbaa-bench {_one.example}"
+        )(_one.function)
 
 
 app.add_typer(

@@ -7,6 +7,8 @@ import typer
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli.interrupt import importing
+from vbaa_bench.report.console import print_line
+from vbaa_bench.scene.shipped import find_scene
 from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
 from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE
 
@@ -51,6 +53,22 @@ def checked_path(path: Path | None) -> Path | None:
     return path
 
 
+def _named_scene(path: Path | None) -> Path | None:
+    """Find the file of a scene; say which one, if it was named. Raises InputError."""
+    if path is None:
+        return None
+    found = find_scene(path)
+    if found != path:
+        print_line(f"scene: {found}")
+    return found
+
+
+def _named_source(path: Path) -> Path:
+    """Find a dataset, or the file of a scene. Raises InputError."""
+    checked_path(path)
+    return path if path.exists() else _named_scene(path) or path
+
+
 def parsed_range(text: str) -> slice | None:
     """Parse 7, 3:7 (3 to 6), 3: (from 3) or :7 (to 6); None if the text is no such range."""
     first, colon, last = text.partition(":")
@@ -93,12 +111,30 @@ def part_of(text: str | None) -> tuple[int, int] | None:
     raise InputError(f"--part is {text}, allowed is NUMBER/COUNT, from 1/COUNT to COUNT/COUNT")
 
 
-ScenePath = Annotated[Path, typer.Argument(help="scene file, such as scenes/quickstart.yaml")]
+ScenePath = Annotated[
+    Path,
+    typer.Argument(
+        callback=_named_scene, help="scene file, or a name of `vbaa-bench scenes`: quickstart"
+    ),
+]
+SceneOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--scene",
+        callback=_named_scene,
+        help="scene, for --repair",
+        show_default="the dataset's own record",
+    ),
+]
 DatasetPath = Annotated[
     Path, typer.Argument(callback=checked_path, help="dataset folder, from generate or run")
 ]
 SceneOrDataset = Annotated[
-    Path, typer.Argument(callback=checked_path, help="scene file, or folder of a dataset")
+    Path,
+    typer.Argument(
+        callback=_named_source,
+        help="scene file, a name of `vbaa-bench scenes`, or folder of a dataset",
+    ),
 ]
 Out = Annotated[
     Path | None,
@@ -122,7 +158,7 @@ Modules = Annotated[
 FrameCount = Annotated[
     int | None,
     typer.Option(
-        "--frames", min=1, help="frames per rig: sets sampling.count or pushes.repeats, rounded up"
+        "--frames", min=1, help="frames per rig: sets sampling.count or pushes.draws, rounded up"
     ),
 ]
 Rigs = Annotated[

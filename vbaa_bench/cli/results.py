@@ -34,7 +34,7 @@ from vbaa_bench.cli.options import (
     Workers,
 )
 from vbaa_bench.report.console import console, outcomes, print_line, print_result, show_scores
-from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE
 
 if TYPE_CHECKING:
     from vbaa_bench.scoring.isolation.runs import MethodRun
@@ -136,17 +136,13 @@ def table(
 ) -> None:
     """Print the scores of several datasets as one table, with the bound if limits were computed."""
     with importing():
-        from solver.instrument.errors import InputError
-        from vbaa_bench.scoring.accuracy import accuracy
-        from vbaa_bench.scoring.tables import FORMATS
+        from vbaa_bench.api import results
 
-    if table_format not in FORMATS:
-        raise InputError(f"--format is {table_format}, allowed is one of {', '.join(FORMATS)}")
-    rows = accuracy(datasets, by)
+    made = results.table(datasets, by)
     if as_json:
-        print_result({"rows": rows}, "", True)
+        print_result({"rows": made.rows}, "", True)
     else:
-        print(FORMATS[table_format](rows, by, brief=brief))
+        print(made.text(table_format, brief=brief))
 
 
 def solve_dataset(
@@ -187,9 +183,9 @@ def solve_dataset(
 
 def _report(root: Path, baseline: Path | None = None) -> Path:
     with importing():
-        from vbaa_bench.report.report import report as write_report
+        from vbaa_bench.api.views import write_report
 
-    return write_report(Results(root), baseline)
+    return write_report(root, baseline=baseline)
 
 
 def _warn(summary: Mapping[str, Any]) -> None:

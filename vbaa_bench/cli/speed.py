@@ -10,7 +10,7 @@ from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Repeats, Variant
 from vbaa_bench.report.console import console, print_result, show_table
 
-QUICKSTART = Path("scenes/quickstart.yaml")
+QUICKSTART = "quickstart"
 
 
 def speed(
@@ -90,7 +90,7 @@ def _quickstart(variant: str | None) -> Path:
     with importing():
         from vbaa_bench.api.data import generate
 
-    root = Path("runs") / QUICKSTART.stem
+    root = Path("runs") / QUICKSTART
     with console.status(f"rendering {QUICKSTART}"):
         generate(QUICKSTART, root, variant=variant)
     return root

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from enum import StrEnum
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from solver.instrument.errors import InputError
+from vbaa_bench.cli.data import say_what_is_drawn_once
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import (
     AsJson,
@@ -20,11 +20,15 @@ from vbaa_bench.cli.options import (
     Variant,
     parsed_range,
 )
-from vbaa_bench.report.console import console, print_result, progress_bar, progress_bars
+from vbaa_bench.report.console import (
+    console,
+    print_line,
+    print_result,
+    progress_bar,
+    progress_bars,
+)
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
     from vbaa_bench.scene.load import SceneFile
 
 
@@ -94,6 +98,7 @@ def view(
             from vbaa_bench.scene.load import load_scene
 
         file = load_scene(source, seed, settings or ())
+        say_what_is_drawn_once(file)
         if draws:
             _draw_random(file, draws, out, variant, as_json)
         else:
@@ -130,12 +135,12 @@ def _draw_random(
     """Render many draws of a scene with random keys as one contact sheet."""
     with importing():
         from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.api.random_sheet import random_sheet
+        from vbaa_bench.api.preview import preview
 
     target = out or Path(f"{file.path.stem}_random.png")
     prepare_output_path(target)
     with progress_bars() as bars:
-        png = random_sheet(file, draws, variant=variant, progress=progress_bar(bars, "draws"))
+        png = preview(file, draws, variant=variant, progress=progress_bar(bars, "draws"))
     write(target, png)
     print_result({"picture": str(target), "draws": draws}, str(target), as_json)
 
@@ -150,33 +155,22 @@ def _show_frames(
 ) -> None:
     """Write frames of a dataset as recording, animation or contact sheet."""
     with importing():
-        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.api.views import view as view_frames
         from vbaa_bench.scoring.results_layout import Results
-        from vbaa_bench.viewer.animation import gif, mp4
-        from vbaa_bench.viewer.frames import open_frames
-        from vbaa_bench.viewer.recording import write_recording
-        from vbaa_bench.viewer.sheet import contact_sheet
 
-    draw = {Format.MP4: mp4, Format.GIF: gif, Format.PNG: contact_sheet}
-    targets = {
-        kind: out or Results(dataset).report / f"view.{kind}" for kind in _formats(out, format_)
-    }
-    data = open_frames(dataset, frames, pushes)
+    paths = {}
     with progress_bars() as bars:
-        for kind, target in targets.items():
-            prepare_output_path(target)
-            progress = partial(_report, bars, bars.add_task(kind, total=len(data)))
-            if kind == Format.RRD:
-                remark = write_recording(data, target, progress)
-                console.print(remark, markup=False, end="\n" if remark else "")
-            else:
-                write(target, draw[kind](data, progress))
-    paths = {str(kind): str(target) for kind, target in targets.items()}
-    print_result({"frames": len(data), **paths}, "\n".join(paths.values()), as_json)
-
-
-def _report(bars: "Progress", task: "TaskID", done: int) -> None:
-    bars.update(task, completed=done)
+        for kind in _formats(out, format_):
+            made = view_frames(
+                dataset,
+                out or Results(dataset).report / f"view.{kind}",
+                frames=frames,
+                pushes=pushes,
+                progress=progress_bar(bars, kind),
+                remark=print_line,
+            )
+            paths[str(kind)] = str(made.path)
+    print_result({"frames": made.frames, **paths}, "\n".join(paths.values()), as_json)
 
 
 def _formats(out: Path | None, chosen: Format | None) -> list[Format]:

@@ -13,6 +13,7 @@ from vbaa_bench.limits.summaries import Summary, fulfils
 from vbaa_bench.limits.summary_table import answers, mapped, summary_table
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.template import template
+from vbaa_bench.scoring.overlay import force_text
 
 # Upper ends of classes of colour are these numbers times powers of ten: the finest of which all
 # limits are below the second number after the sixth.
@@ -135,7 +136,7 @@ def _cell(
     answer = {None: "", True: "yes", False: "no"}[record["fulfilled"]]
     tip = (
         f"contact at {short(record['contact_distance_mm'], 3)} mm, "
-        f"force {short(record['force_mn'], 3)} mN"
+        f"force {force_text(record['force_mn'] / 1e3)}"
     )
     if value is None:
         return LimitCell("∞", None, f"{tip}: cannot be determined", answer, " ".join(sides))

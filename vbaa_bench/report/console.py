@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
@@ -70,6 +71,22 @@ def progress_bar(bars: Progress, name: str, *, hidden: bool = False) -> Callable
         bars.update(task, completed=done, total=total, visible=True)
 
     return move
+
+
+def late_bars(shown: ExitStack, steps: Sequence[str]) -> Callable[[str, int, int], None]:
+    """Return a function that shows the progress of steps; bars appear when the first has begun.
+
+    A mistake that is detected earlier has one sentence and no bars.
+    """
+    bars: dict[str, Callable[[int, int], None]] = {}
+
+    def progress(step: str, done: int, total: int) -> None:
+        if not bars:
+            shown_bars = shown.enter_context(progress_bars())
+            bars.update({name: progress_bar(shown_bars, name) for name in steps})
+        bars[step](done, total)
+
+    return progress
 
 
 def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

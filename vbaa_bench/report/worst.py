@@ -18,7 +18,7 @@ from vbaa_bench.report.frame_picture import (
     within_image,
 )
 from vbaa_bench.report.numbers import short, signed
-from vbaa_bench.scoring.overlay import Overlay
+from vbaa_bench.scoring.overlay import Overlay, force_text
 from vbaa_bench.scoring.strata import Stratum
 
 # Chosen: 60 pictures of 8 kB for ten methods.
@@ -124,7 +124,7 @@ def _caption(row: Row) -> str:
     if not row["free"]:
         parts.append(
             f"True x_c {short(row['true_x_c_mm'], 4)} mm, deflection "
-            f"{short(row['deflection_pct'])} %, force {short(1e3 * row['true_force_n'], 3)} mN."
+            f"{short(row['deflection_pct'])} %, force {force_text(row['true_force_n'])}."
         )
     rig = f"Rig {row['rig']}, frame" if row.get("rig") is not None else "Frame"
     return " ".join([*parts, f"{rig} {row['frame_id']}."])

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from vbaa_bench.scene.distributions import DISTRIBUTIONS
+from vbaa_bench.scene.mistakes import CLEARER
 from vbaa_bench.scene.schema import Scene
 
 # Set by the loader of scenes, never stated in a file.
@@ -17,6 +18,16 @@ def scene_schema() -> dict[str, Any]:
     """Return the schema of the values of a scene, section by section (`$defs`)."""
     schema = Scene.model_json_schema()
     del schema["properties"][_INTERNAL]
+    for section, names in CLEARER.items():
+        model = schema["properties"][section]["anyOf"][0]["$ref"].rpartition("/")[2]
+        keys = schema["$defs"][model]["properties"]
+        for clearer, name in names.items():
+            other = {**keys[name], "description": f"Another name of `{clearer}`."}
+            renamed = {name: (clearer, keys[name])}
+            keys = {
+                new: value for key in keys for new, value in [renamed.get(key, (key, keys[key]))]
+            }
+            schema["$defs"][model]["properties"] = {**keys, name: other}
     return schema
 
 

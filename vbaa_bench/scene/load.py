@@ -20,6 +20,7 @@ from solver.instrument.files import open_regular
 from vbaa_bench.scene.files import NamedFile, named_files
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.mistakes import (
+    CLEARER,
     distribution_mistakes,
     listed_mistakes,
     located_message,
@@ -43,6 +44,7 @@ from vbaa_bench.scene.random_scene import (
     rig_scene,
 )
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.shipped import find_scene
 from vbaa_bench.scene.user_modules import module_digests
 
 # Chosen: shipped scenes are up to 3 kB. A file of the largest size takes two seconds to parse.
@@ -100,6 +102,13 @@ class SceneFile:
         return None if self._tree is None else self._tree.get("rigs")
 
     @property
+    def drawn_once(self) -> tuple[str, ...]:
+        """Random keys that have one value for all frames of a dataset; none of a collection."""
+        if self.rigs is not None:
+            return ()
+        return tuple(key.key for key in random_keys(self._tree) if key.per == "rig")
+
+    @property
     def template(self) -> dict[str, Any]:
         """The values of the file with their distributions, for JSON."""
         values = self.scene.model_dump(mode="json") if self._tree is None else self._tree
@@ -140,11 +149,13 @@ def load_scene(
 ) -> SceneFile:
     """Read and check a scene. Raises InputError with all mistakes.
 
-    `seed` replaces the file's, and `settings`, such as "beam.length_mm=200", replace values.
-    `frames` is the least number of frames; it changes the number of random pushes.
+    `path` may be the name of a shipped scene, such as "hard/taper". `seed` replaces the file's,
+    and `settings`, such as "beam.length_mm=200", replace values. `frames` is the least number of
+    frames; it changes the number of random pushes.
     """
-    path = Path(path)
+    path = find_scene(path)
     document = _mapping(path)
+    _with_recorded_names(path, document)
     for setting in settings:
         _set(document, setting)
     file = _checked(path, document, {} if seed is None else {"seed": seed})
@@ -185,10 +196,27 @@ def _mapping(path: Path) -> CommentedMap:
     return document
 
 
+def _with_recorded_names(path: Path, document: CommentedMap) -> None:
+    """Give keys with a clearer name those of the records. Raises InputError for both at once."""
+    for section, names in CLEARER.items():
+        node = document.get(section)
+        for clearer, name in names.items() if isinstance(node, CommentedMap) else ():
+            if clearer not in node:
+                continue
+            if name in node:
+                sentence = f"is another name of {name}, allowed is one of the two"
+                raise InputError(located_message(path, document, (section, clearer), sentence))
+            node.insert(list(node).index(clearer), name, node.pop(clearer))
+            # A scene that is built in Python has no places.
+            if node.lc.data and clearer in node.lc.data:
+                node.lc.data[name] = node.lc.data.pop(clearer)
+
+
 def _set(document: CommentedMap, setting: str) -> None:
     """Replace a value of a document: `beam.length_mm=200`. Raises InputError."""
     key, equals, text = setting.partition("=")
     *sections, last = key.split(".")
+    last = CLEARER.get(".".join(sections), {}).get(last, last)
     if not equals or not last:
         raise InputError(f"--set is {quoted(setting)}, allowed is KEY=VALUE")
     node: Any = document
@@ -247,6 +275,7 @@ def recorded_values(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
 
 
 def _checked(path: Path, document: CommentedMap, overrides: Mapping[str, Any]) -> SceneFile:
+    _with_recorded_names(path, document)
     values = Plain(path).of(document) | overrides
     if "random_keys" in values:
         message = "is an unknown key; distributions are stated in the places of values"

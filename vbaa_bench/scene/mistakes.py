@@ -16,6 +16,20 @@ from vbaa_bench.scene.schema import Scene
 
 # Chosen: the length of a list of mistakes that a terminal shows.
 MAX_MISTAKES: Final = 20
+# Keys with a clearer name in files: section -> that name -> the one in the records of datasets.
+# A file may state either.
+CLEARER: Final = {"pushes": {"draws": "repeats"}}
+# What pydantic's types of Python are in YAML, by its kind of error.
+_IN_YAML: Final = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "a section of keys",
+    "list_type": "a list",
+    "model_attributes_type": "a section of keys",
+    "model_type": "a section of keys",
+    "string_type": "a text",
+    "tuple_type": "a list",
+}
 # Keys that have been renamed: section -> old key -> new key. A section within a list has no index;
 # "" is the scene itself.
 RENAMED: Final = {
@@ -88,6 +102,8 @@ def _mistake(document: Any, mistake: Any, model: type[BaseModel] = Scene) -> tup
             allowed = f"a text of at least {context['min_length']} character"
         case "too_long":
             allowed = f"a list of at most {context['max_length']}"
+        case _ if kind in _IN_YAML:
+            allowed = _IN_YAML[kind]
         case _:
             allowed = mistake["msg"].removeprefix("Input should be ").replace("a valid ", "a ")
             allowed = allowed.replace("integer", "whole number")
@@ -111,6 +127,7 @@ def _hint(key: Sequence[str | int], location: Sequence[str | int], model: type[B
     known = [
         name for name in _models(location[:-1], model)[0].model_fields if name != "random_keys"
     ]
+    known += CLEARER.get(section, {})
     similar = difflib.get_close_matches(truncated(name), known, n=1, cutoff=0.7)
     return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
 

@@ -46,7 +46,9 @@ class PushSpec(Part):
         default=("rigid",), description="Stiffnesses of the object along its normal, or rigid."
     )
     repeats: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = Field(
-        default=1, description="Number of pushes with the same values."
+        default=1,
+        description="Number of pushes at each point of the grid. Each has its own noise, motor "
+        "angle at contact, and draws of keys that are random per push.",
     )
     motor_angle_at_contact_deg: Onset = Field(
         default=ONSET,

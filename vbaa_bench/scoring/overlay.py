@@ -65,6 +65,15 @@ def overlay(
     return overlay_of(truth, row, read_grey(paths[0]), estimates, antenna)
 
 
+def force_text(force_n: float) -> str:
+    """Format a force [N] with three digits, in N, mN or uN: 1.61 N, 67.1 mN."""
+    scale, unit = next(
+        ((scale, unit) for scale, unit in ((1.0, "N"), (1e-3, "mN")) if abs(force_n) >= scale),
+        (1e-6, "uN"),
+    )
+    return f"{np.format_float_positional(force_n / scale, 3, fractional=False, trim='-')} {unit}"
+
+
 def overlay_of(
     truth: Truth,
     row: Mapping[str, Any],
@@ -89,7 +98,7 @@ def overlay_of(
     if row["x_c_mm"] is not None:
         title = (
             f"x_c = {row['x_c_mm']:.4g} mm, deflection {row['deflection_pct']:.2g} %, "
-            f"force {1e3 * row['force_n']:.3g} mN"
+            f"force {force_text(row['force_n'])}"
         )
         contact = pixels(np.array([row["x_c_mm"]]))[0]
     return Overlay(

@@ -46,7 +46,7 @@ def gif(data: ViewedDataset, progress: Progress) -> bytes:
     if len(data) > MAX_GIF_FRAMES:
         raise InputError(
             f"{len(data)} frames are selected, allowed are {MAX_GIF_FRAMES} in a GIF; a video "
-            "(--format mp4, extra '.[video]') may have more"
+            "(--format mp4, extra 'vbaa-bench[video]') may have more"
         )
     animation = cv2.Animation()
     pictures = [_reduced(picture) for picture in _pictures(data, progress)]
@@ -61,7 +61,7 @@ def _av() -> Any:
     try:
         import av  # an extra
     except ImportError as error:
-        raise InputError("a video needs the extra '.[video]' (PyAV)") from error
+        raise InputError("a video needs the extra 'vbaa-bench[video]' (PyAV)") from error
     return av
 
 

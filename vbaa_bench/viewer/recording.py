@@ -150,7 +150,7 @@ def _rerun() -> Any:
         import rerun  # an extra, which takes a second to import
     except ImportError as error:
         raise InputError(
-            "a recording for rerun needs the extra '.[view]' (rerun-sdk); --format mp4, gif and "
-            "png do not"
+            "a recording for rerun needs the extra 'vbaa-bench[view]' (rerun-sdk); --format mp4, "
+            "gif and png do not"
         ) from error
     return rerun

@@ -97,4 +97,4 @@ def test_mistakes_are_one_sentence(
 
 def test_a_missing_scene_is_one_sentence(command: CommandLine, tmp_path: Path) -> None:
     message = command.refused("limits", tmp_path / "none.yaml")
-    assert "none.yaml: cannot be read" in message
+    assert "none.yaml: is neither a file nor a shipped scene" in message

@@ -22,6 +22,7 @@ from tests.command_line import CommandLine
 from vbaa_bench import cli
 from vbaa_bench.cli import options
 from vbaa_bench.cli.main import MOVED
+from vbaa_bench.scene.shipped import find_scene
 from vbaa_bench.scoring.isolation import runs
 
 # Importing these takes tenths of a second to seconds. Typer itself brings pydantic.
@@ -117,7 +118,7 @@ def test_pages_name_commands_that_exist() -> None:
 
 def test_every_command_shows_an_example_with_options_that_exist() -> None:
     group: Any = typer.main.get_command(cli.app)
-    # More than 22 cannot be overlooked in a help.
+    # More cannot be overlooked in a help.
     assert len(group.commands) <= 22
     for name, command in leaves(group).items():
         program, *words = command.epilog.removeprefix("Example: ").split()
@@ -126,8 +127,19 @@ def test_every_command_shows_an_example_with_options_that_exist() -> None:
         known = {option for one in command.params for option in one.opts}
         assert "--json" in known, name
         assert {word for word in words if word.startswith("-")} <= known, name
-        scenes = [word for word in words if word.startswith("scenes/")]
-        assert all((ROOT / scene).is_file() for scene in scenes), name
+        if name in {"run", "generate", "limits", "stress", "view"}:
+            find_scene(words[1])
+
+
+def test_help_has_types_and_defaults_in_words() -> None:
+    group: Any = typer.main.get_command(cli.app)
+    for words in ([], *([name] for name in group.commands)):
+        text = CliRunner().invoke(cli.app, [*words, "--help"], env={"COLUMNS": "200"}).stdout
+        assert "Show this message" in text
+        assert not re.search(r"\[default|<(bool|str|list|int|float)", text), words
+    text = CliRunner().invoke(cli.app, ["run", "--help"], env={"COLUMNS": "200"}).stdout
+    assert "folder to write; default: runs/<scene>" in text
+    assert "median time is used; default: 3 " in text
 
 
 def leaves(group: Any, prefix: str = "") -> dict[str, Any]:

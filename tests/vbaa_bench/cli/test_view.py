@@ -93,4 +93,4 @@ def test_what_a_dataset_does_not_have_is_refused(tmp_path: Path) -> None:
         done = CliRunner().invoke(app, ["view", str(root), *words])
         assert "is not a scene, so that --random, --seed" in str(done.exception)
     missing = CliRunner().invoke(app, ["view", "nowhere.yaml"])
-    assert str(missing.exception) == "nowhere.yaml: cannot be read (No such file or directory)"
+    assert "nowhere.yaml: is neither a file nor a shipped scene" in str(missing.exception)

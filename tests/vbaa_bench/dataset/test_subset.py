@@ -3,11 +3,13 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
 from typer.testing import CliRunner
 
+import vbaa_bench as vb
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import HASHES
 from solver.instrument.observation import open_observations
@@ -15,7 +17,7 @@ from tests.draws import scene_seed
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.api.verification import verify
-from vbaa_bench.cli.datasets import choice_of
+from vbaa_bench.cli.datasets import shard_range
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.document import read_json
 from vbaa_bench.dataset.identity import OtherDatasetError, check_identity, dataset_identity
@@ -105,23 +107,28 @@ def test_a_subset_is_scored_and_not_grown(
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ((None, None, None, False), "allowed is one of --frames"),
-        ((3, "train", None, False), "allowed is one of --frames"),
-        ((None, "train", None, True), "with --frames only"),
-        ((None, None, "a:b", False), "allowed is a number or a range"),
-        ((None, None, "3:3", False), "allowed is a range such as 0:10"),
+        ({}, "allowed is one of frames, split and shards"),
+        ({"frames": 3, "split": "train"}, "allowed is one of frames"),
+        ({"split": "train", "cut_pushes": True}, "with frames only"),
     ],
 )
-def test_odd_choices_are_refused(
-    options: tuple[int | None, str | None, str | None, bool], sentence: str
-) -> None:
+def test_odd_choices_are_refused(tmp_path: Path, options: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        choice_of(*options)
+        vb.subset(tmp_path, tmp_path / "few", **options)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [("a:b", "allowed is a number or a range"), ("3:3", "allowed is a range such as 0:10")],
+)
+def test_odd_shards_are_refused(text: str, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        shard_range(text)
 
 
 def test_what_cannot_be_chosen_is_refused(source: Layout, tmp_path: Path) -> None:
-    assert choice_of(None, None, "7", False) == Choice(shards=(7, 8))
-    assert choice_of(None, None, ":10", False) == Choice(shards=(0, 10))
+    assert shard_range("7") == (7, 8)
+    assert shard_range(":10") == (0, 10)
     with pytest.raises(InputError, match="has no such frames, there are 2 shards"):
         subset(source.root, tmp_path / "none", Choice(shards=(2, 9)))
     with pytest.raises(InputError, match="allowed is one of test, train"):

@@ -9,6 +9,7 @@ from solver.instrument.errors import InputError
 from tests.conftest import SCENE_TEXT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.plan import plan
+from vbaa_bench.cli.data import say_what_is_drawn_once
 from vbaa_bench.scene.load import SceneFile, check_scene, load_scene, recorded_scene
 from vbaa_bench.scene.mistakes import RENAMED
 from vbaa_bench.scene.schema import Scene
@@ -203,7 +204,7 @@ def test_above_yield_is_allowed_when_asked_for(tmp_path: Path) -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is neither a file nor a shipped scene"):
         load_scene(tmp_path / "none.yaml")
     with pytest.raises(InputError, match="cannot be read"):
         load_scene(tmp_path)
@@ -281,3 +282,55 @@ def test_a_renamed_key_is_named(section: str, old: str) -> None:
     with pytest.raises(InputError) as error:
         check_scene({"title": "New keys", "seed": 1} | ast.literal_eval(renamed))
     assert "unknown key" not in str(error.value)
+
+
+def test_draws_is_another_name_of_repeats(tmp_path: Path) -> None:
+    pushes = {"contact_distance_mm": [100], "deflection_pct": [5]}
+    old, new = (
+        check_scene({"title": "T", "seed": 1, "pushes": {**pushes, name: 4}})
+        for name in ("repeats", "draws")
+    )
+    # The record of a dataset has the name of before.
+    assert new.scene == old.scene
+    assert new.scene.model_dump(mode="json")["pushes"]["repeats"] == 4
+    assert load_scene("train_2d", settings=["pushes.draws=7"]).scene.pushes.repeats == 7  # type: ignore[union-attr]
+    assert load_scene("train_2d", settings=["pushes.repeats=8"]).scene.pushes.repeats == 8  # type: ignore[union-attr]
+    text = SCENE_TEXT.replace("pushes:\n", "pushes:\n  draws: 2\n")
+    line = text[: text.index("draws")].count("\n") + 1
+    said = complaints(tmp_path, text.replace("draws: 2", "draws: 0"))
+    assert said == [
+        f"scene.yaml:{line}:3: pushes.repeats is 0, allowed is greater than or equal to 1"
+    ]
+    (said,) = complaints(tmp_path, text.replace("draws: 2", "draws: 2\n  repeats: 2"))
+    assert said.endswith("pushes.draws is another name of repeats, allowed is one of the two")
+    (said,) = complaints(tmp_path, text.replace("draws: 2", "draw: 2"))
+    assert said.endswith("did you mean draws?")
+
+
+@pytest.mark.parametrize(
+    ("setting", "allowed"),
+    [
+        ("camera=3", "a section of keys"),
+        ("object=3", "a section of keys"),
+        ("lights=3", "a list"),
+        ("beam.extensible=maybe", "true or false"),
+        ("title=3", "a text"),
+    ],
+)
+def test_what_is_allowed_is_said_in_the_words_of_yaml(setting: str, allowed: str) -> None:
+    with pytest.raises(InputError, match=f"allowed is {allowed}$"):
+        load_scene("quickstart", settings=[setting])
+
+
+def test_keys_that_are_drawn_once_for_all_frames_are_named(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    diameter = "beam.diameter_mm={uniform: [0.6, 0.8]}"
+    friction = "object={kind: block, friction: {uniform: [0, 0.3], per: push}}"
+    file = load_scene("quickstart", settings=[diameter, friction])
+    assert file.drawn_once == ("beam.diameter_mm",)
+    say_what_is_drawn_once(file)
+    assert "drawn once for all frames: beam.diameter_mm; with per:" in capsys.readouterr().err
+    assert load_scene("quickstart").drawn_once == ()
+    # Of a collection, such a key is drawn for every rig.
+    assert load_scene("quickstart", settings=[diameter, "rigs=3"]).drawn_once == ()

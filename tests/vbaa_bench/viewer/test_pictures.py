@@ -78,7 +78,7 @@ def test_a_video_without_pyav_is_refused(
     viewed: ViewedDataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "av", None)
-    with pytest.raises(InputError, match=r"a video needs the extra '.\[video\]'"):
+    with pytest.raises(InputError, match=r"a video needs the extra 'vbaa-bench\[video\]'"):
         mp4(viewed, lambda _done: None)
 
 

@@ -18,7 +18,7 @@ def test_a_recording_without_rerun_is_refused(
     viewed: ViewedDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(InputError, match=r"needs the extra '.\[view\]' \(rerun-sdk\); --format"):
+    with pytest.raises(InputError, match=r"extra 'vbaa-bench\[view\]' \(rerun-sdk\); --format"):
         write_recording(viewed, tmp_path / "v.rrd")
     assert list(tmp_path.iterdir()) == []
 

@@ -9,10 +9,11 @@ import numpy as np
 from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.frame import rendered_frame
+from vbaa_bench.api.scene import AnyScene
 from vbaa_bench.assembly.plan import accepted_rig
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
-from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.workers.machine import Machine
 from vbaa_bench.workers.pool import Pool
 
@@ -21,27 +22,39 @@ _TILE_PX, _CAPTION_PX, _COLUMNS = 384, 20, 5
 _PAPER, _INK = 255, (30, 30, 30)
 
 
-def random_sheet(
-    file: SceneFile,
-    count: int,
+def preview(
+    scene: AnyScene,
+    draws: int = 30,
     *,
     workers: int | None = None,
     variant: str | None = None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> bytes:
-    """Render `count` draws of a scene, with overlays, and return them as one PNG.
+    """Render draws of a scene with random keys, with the truth, and return them as one PNG.
 
     Of a collection these are frames of different rigs, else different frames. Impossible draws are
     blank tiles with the reason. Raises InputError if nothing in the scene is random.
+
+    >>> import vbaa_bench as vb
+    >>> camera = {"width_px": 256, "height_px": 88, "focal_length_px": 350}
+    >>> camera |= {"position_mm": [120, 22, 360], "look_at_mm": [120, 22, 0]}
+    >>> board = {"columns": 20, "rows": 5, "square_mm": 10, "center_mm": [120, 22]}
+    >>> beam = {"diameter_mm": {"uniform": [0.6, 1.0]}}
+    >>> pushes = {"contact_distance_mm": [120], "deflection_pct": [10]}
+    >>> keys = {"camera": camera, "calibration": board, "beam": beam, "pushes": pushes}
+    >>> scene = vb.Scene(title="Beams", seed=1, rigs=2, **keys)
+    >>> vb.preview(scene, 2, workers=1)[:4]
+    b'\\x89PNG'
     """
+    file = scene if isinstance(scene, SceneFile) else load_scene(scene)
     if not (file.is_random or file.scene.random_keys or file.scene.sampling):
         raise InputError(f"{file.path}: nothing is random, so that all draws are equal")
     chosen_variant = usable_variant(variant)
     processes = worker_count(workers, chosen_variant)
-    jobs: list[tuple[str, tuple[Any, ...]]] = [("tile", (file, number)) for number in range(count)]
+    jobs: list[tuple[str, tuple[Any, ...]]] = [("tile", (file, number)) for number in range(draws)]
     threads = Machine(chosen_variant, processes).threads_each
     with Pool(processes, DrawRenderer, (chosen_variant, threads)) as pool:
-        encoded = pool.run(jobs, lambda done: progress(done, count))
+        encoded = pool.run(jobs, lambda done: progress(done, draws))
     tiles = [
         np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
         for data in encoded

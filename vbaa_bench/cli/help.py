@@ -1,0 +1,56 @@
+"""Help texts with types and defaults in words, not as `<list[str]>` and `[default: ...]`."""
+
+from pathlib import Path
+from typing import Any, Final
+
+import typer.core
+
+# A flag has no value. Types that are not here, such as one of several names, are words already.
+_TYPES: Final[dict[Any, str]] = {
+    bool: "",
+    str: "TEXT",
+    list[str]: "TEXT",
+    Path: "PATH",
+    list[Path]: "PATH",
+    int: "NUMBER",
+    float: "NUMBER",
+}
+
+
+class Command(typer.core.TyperCommand):
+    """A command with such a help."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return arguments and options, with types and defaults in words."""
+        return [in_words(parameter) for parameter in super().get_params(ctx)]
+
+
+def in_words(parameter: Any) -> Any:
+    """Let a parameter of a command say its type and its default in words; return it."""
+    words = _TYPES.get(parameter.type_descriptor.annotation)
+    if parameter.param_type_name == "argument":
+        if words is not None:
+            # The metavar of an argument is its name.
+            parameter.display_type_rich = lambda **_: words
+    elif parameter.metavar is None:
+        parameter.metavar = words
+    if parameter.show_default is not False:
+        if default := _default(parameter):
+            parameter.help = f"{parameter.help}; default: {default}"
+        parameter.show_default = False
+    return parameter
+
+
+def _default(parameter: Any) -> str:
+    """Return the default of a parameter in words, "" if it has none to be told."""
+    if isinstance(parameter.show_default, str):
+        return parameter.show_default
+    match parameter.default:
+        case None | False:
+            return ""
+        case True:
+            return "yes"
+        case float(number):
+            return f"{number:g}"
+        case value:
+            return str(value)
