@@ -225,10 +225,15 @@ def of_outline(row: list[str]) -> Iterator[Figure]:
     yield from map(Figure, texts, (float(values[k]) for k in (2, 3, 4, 6)))
 
 
+def rungs(dataset: str) -> pl.DataFrame:
+    """Figures of the rungs of the ladder, and their numbers."""
+    table = pl.read_csv(RESULTS / "ladder" / "ladder.csv").filter(dataset=dataset)
+    return table.with_row_index("number", 1)
+
+
 def rung(dataset: str, name: str) -> dict[str, Any]:
     """Figures of a rung of the ladder, and its number."""
-    table = pl.read_csv(RESULTS / "ladder" / "ladder.csv").filter(dataset=dataset)
-    return table.with_row_index("number", 1).row(by_predicate=pl.col("rung") == name, named=True)
+    return rungs(dataset).row(by_predicate=pl.col("rung") == name, named=True)
 
 
 def of_rung(row: list[str]) -> Iterator[Figure]:
@@ -310,6 +315,24 @@ def test_figures_of_the_pages_are_those_of_the_results(head: str) -> None:
 def test_every_table_of_figures_has_a_source_or_a_reason_why_not() -> None:
     measured = {table.head for table in TABLES if table.numeric}
     assert measured <= SOURCES.keys() | WITHOUT_SOURCE.keys()
+
+
+def test_sentences_of_the_ladder_are_those_of_its_table() -> None:
+    text = (ROOT / "docs" / "ladder.md").read_text(encoding="utf-8")
+    of_5, of_20 = (f"x_c_rmse_pct_L_at_{deflection}_pct" for deflection in (5, 20))
+    paper, mended, profile, linear, exact, _, light, _ = (
+        row for row in rungs("fig8_rigid").iter_rows(named=True)
+    )
+    (errors,) = re.findall(r"square of the deflection: (.*?) %", text)
+    by_push = (linear[f"x_c_rmse_pct_L_at_{one[:-2]}_pct"] for one in PUSHES)
+    assert all(map(agrees, figures(errors, *by_push)))
+    assert paper[of_20] < mended[of_20] < profile[of_20]  # "the errors at 20 % deflection rise"
+    assert mended[of_5] / profile[of_5] == pytest.approx(6, abs=0.5)  # "falls to a sixth"
+    assert exact["share_pct"] == pytest.approx(80, abs=2)  # "nearly four fifths of the whole way"
+    drawn = rung("drawn", "clamp, calibration")
+    assert drawn["divides_by"] == pytest.approx(10, abs=0.5)  # "divides the error by ten"
+    assert agrees(Figure("0.01", light["x_c_median_abs_pct_L"]))
+    assert rung("fig8_rigid", "information limit")["divides_by"] < 1.2  # "by more than a fifth"
 
 
 def test_a_figure_agrees_if_it_is_the_rounded_value() -> None:
