@@ -60,7 +60,7 @@ def test_every_command_of_a_page_can_be_read() -> None:
         ("vbaa-bench run scenes/quickstart.yaml --frame 3", "No such option"),
         ("vbaa-bench run scenes/quickstart.yaml --frames many", "Invalid value"),
         ("vbaa-bench limit runs/quickstart", "No such command"),
-        ("vbaa-bench view scenes/none.yaml", "does not exist"),
+        ("vbaa-bench view scenes/none.yaml", "neither a file nor a shipped scene"),
         ('vbaa-bench view "$SCENE" --frame 3', "No such option"),
         ("python -m solver images/*.png --rigs rig", "No such option"),
     ],

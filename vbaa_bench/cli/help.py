@@ -25,6 +25,14 @@ class Command(typer.core.TyperCommand):
         return [in_words(parameter) for parameter in super().get_params(ctx)]
 
 
+class Group(typer.core.TyperGroup):
+    """Commands whose own options have such a help."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options, with types in words."""
+        return [in_words(parameter) for parameter in super().get_params(ctx)]
+
+
 def in_words(parameter: Any) -> Any:
     """Let a parameter of a command say its type and its default in words; return it."""
     words = _TYPES.get(parameter.type_descriptor.annotation)

@@ -16,7 +16,7 @@ from solver.lab.command_end import run_command
 from vbaa_bench.cli import checks, data, datasets, measure, results
 from vbaa_bench.cli.compare import compare
 from vbaa_bench.cli.export import export
-from vbaa_bench.cli.help import Command, in_words
+from vbaa_bench.cli.help import Command, Group
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.scenes import scenes
@@ -51,7 +51,7 @@ MOVED: Final = {
 }
 
 
-class _Commands(typer.core.TyperGroup):
+class _Commands(Group):
     """The commands. A name of before is refused with the one of now, a missing extra is named."""
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -59,10 +59,6 @@ class _Commands(typer.core.TyperGroup):
         if cmd_name in MOVED:
             raise InputError(f"{cmd_name} is no command any more: use {MOVED[cmd_name]}")
         return super().get_command(ctx, cmd_name)
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Return the options of the program, with types in words."""
-        return [in_words(parameter) for parameter in super().get_params(ctx)]
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command. Raises InputError if it needs an extra that is not installed."""

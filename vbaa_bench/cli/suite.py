@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from solver.instrument.errors import InputError
+from vbaa_bench.cli.help import Command, Group
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Method, Variant, Workers, checked_path
 from vbaa_bench.report.console import (
@@ -17,7 +18,7 @@ from vbaa_bench.report.console import (
     show_table,
 )
 
-suite = typer.Typer(no_args_is_help=True)
+suite = typer.Typer(cls=Group, no_args_is_help=True)
 
 Tracks = Annotated[
     list[str] | None, typer.Option("--track", help="track; repeatable", show_default="all")
@@ -27,7 +28,7 @@ SuiteFolderPath = Annotated[
 ]
 
 
-@suite.command(epilog="Example: vbaa-bench suite run 1.0rc1 --track lite")
+@suite.command(cls=Command, epilog="Example: vbaa-bench suite run 1.0rc1 --track lite")
 def run(
     name: Annotated[str, typer.Argument(help="version of a suite, such as 1.0rc1, or its file")],
     track: Tracks = None,
@@ -85,7 +86,7 @@ def run(
         raise typer.Exit(1)
 
 
-@suite.command(epilog="Example: vbaa-bench suite verify runs/suite_1.0rc1")
+@suite.command(cls=Command, epilog="Example: vbaa-bench suite verify runs/suite_1.0rc1")
 def verify(
     folder: SuiteFolderPath,
     track: Tracks = None,
@@ -122,7 +123,7 @@ def verify(
         raise typer.Exit(1)
 
 
-@suite.command(epilog="Example: vbaa-bench suite check my_submission")
+@suite.command(cls=Command, epilog="Example: vbaa-bench suite check my_submission")
 def check(
     submission: Annotated[
         Path, typer.Argument(callback=checked_path, help="folder with method.yaml")
@@ -147,7 +148,7 @@ def check(
         raise typer.Exit(1)
 
 
-@suite.command(epilog="Example: vbaa-bench suite leaderboard runs/suite_1.0rc1")
+@suite.command(cls=Command, epilog="Example: vbaa-bench suite leaderboard runs/suite_1.0rc1")
 def leaderboard(folder: SuiteFolderPath, as_json: AsJson = False) -> None:
     """Rank all methods and submissions by track; write one HTML page and a CSV table.
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from solver.instrument.errors import InputError
 from vbaa_bench import cli
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scene.shipped import find_scene, list_scenes, shipped_scenes
+from vbaa_bench.scene.shipped import find_scene, list_scenes, shipped_scene_files, shipped_scenes
 
 SCENES = Path(__file__).parents[3] / "scenes"
 
@@ -56,7 +56,7 @@ def test_what_is_neither_a_file_nor_a_name_gets_a_hint(
 
 def test_every_scene_says_in_one_sentence_what_it_shows() -> None:
     scenes = list_scenes()
-    assert {scene.path for scene in scenes} == set(shipped_scenes().rglob("*.yaml"))
+    assert {scene.path for scene in scenes} == set(shipped_scene_files())
     assert all(scene.shows.endswith(".") and scene.shows[:-1] for scene in scenes)
     assert len({scene.shows for scene in scenes}) == len(scenes)
 
