@@ -132,7 +132,7 @@ def test_every_command_shows_an_example_with_options_that_exist() -> None:
 
 def leaves(group: Any, prefix: str = "") -> dict[str, Any]:
     """Commands by the words that call them, such as `suite run`."""
-    found = {}
+    found: dict[str, Any] = {}
     for name, command in group.commands.items():
         is_group = hasattr(command, "commands")
         inner = leaves(command, f"{prefix}{name} ") if is_group else {f"{prefix}{name}": command}
