@@ -14,12 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import polars as pl
+
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_text
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
+from vbaa_bench.dataset.copies import complete_table
 from vbaa_bench.dataset.document import Document, check_document, read_json
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import Layout, shard_numbers
 from vbaa_bench.dataset.lock import writing
+from vbaa_bench.dataset.splits import read_splits
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.suite.specification import Entry, Suite, load_suite
 
@@ -60,6 +64,12 @@ def rigs_of(root: Path) -> list[Layout]:
     if is_collection(root):
         return list(CollectionLayout(root).rigs().values())
     return [Layout(root)]
+
+
+def frames_of(layout: Layout) -> pl.DataFrame:
+    """Tabulate `frame_id` and `split` of all frames of a dataset. Raises InputError."""
+    numbers = shard_numbers(complete_table(layout.observations))
+    return pl.concat([read_splits(layout, number) for number in numbers])
 
 
 def create_folder(root: Path, name: str) -> SuiteFolder:

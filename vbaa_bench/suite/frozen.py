@@ -122,8 +122,11 @@ def freeze(folder: SuiteFolder, tracks: tuple[str, ...]) -> list[str]:
         verdict = _verdict(folder, entry, frozen.get(entry.key), lambda _line: None)
         if not verdict.holds:
             raise InputError(f"{root}: cannot be frozen: {verdict.sentence}")
-        if _made_with(root) != _named(suite.content.reference):
-            raise InputError(f"{root}: cannot be frozen: {verdict.sentence}")
+        made_with, reference = _made_with(root), _named(suite.content.reference)
+        if made_with != reference:
+            raise InputError(
+                f"{root}: cannot be frozen: was made with {made_with}, allowed is {reference}"
+            )
         if entry.key not in frozen:
             frozen[entry.key] = Digests(digest=dataset_digest(root), frames=frames_digest(root))
             added.append(entry.key)

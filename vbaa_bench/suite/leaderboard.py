@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,7 +11,6 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.observation import open_observations
 from vbaa_bench.dataset.recorded import exists
 from vbaa_bench.dataset.splits import check_split
 from vbaa_bench.regression.compared import LEAST_RELATIVE_CHANGE_OF_TIME
@@ -20,7 +20,7 @@ from vbaa_bench.scoring.ranking import FEWEST_GROUPS, by_solve, ranks, statistic
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.suite.figures import ERROR, FIGURES, TIME
-from vbaa_bench.suite.folder import SuiteFolder, rigs_of
+from vbaa_bench.suite.folder import SuiteFolder, frames_of, rigs_of
 from vbaa_bench.suite.specification import Entry
 from vbaa_bench.suite.submission import Submission
 
@@ -132,31 +132,28 @@ def _scored(results: Results, entry: Entry) -> _Scored | None:
     if not exists(results.scores / "scores.parquet"):
         return None
     rows = read_scores(results)
-    is_collection = "rig" in rows.columns
     if entry.dataset.split is not None:
-        frames = _frames_of_split(results, entry.dataset.split, collection=is_collection)
-        rows = rows.join(frames, on=frames.columns, how="semi", maintain_order="left")
-    groups = group_numbers(rows, ["rig"] if is_collection else None)
+        rows = rows_of_split(rows, results.root, entry.dataset.split)
+    groups = group_numbers(rows, ["rig"] if "rig" in rows.columns else None)
     names, groups = np.unique(groups, return_inverse=True)
     return _Scored(rows, groups, draws(len(names)))
 
 
-def _frames_of_split(results: Results, split: str, *, collection: bool) -> pl.DataFrame:
-    """Tabulate the frames of a split, of a collection with the number of the rig."""
-    frames = [
-        {
-            "rig": layout.root.name.removeprefix("rig_"),
-            "frame_id": frame.frame_id,
-            "in": frame.split,
-        }
-        for layout in rigs_of(results.root)
-        for frame in open_observations(layout.observations)
-    ]
-    check_split(split, {str(frame["in"]) for frame in frames}, results.root)
-    table = pl.DataFrame(frames).filter(pl.col("in") == split)
-    if not collection:
-        return table.select("frame_id")
-    return table.select(pl.col("rig").cast(pl.Int32), "frame_id")
+def rows_of_split(rows: pl.DataFrame, root: Path, split: str) -> pl.DataFrame:
+    """Select the rows of the scores whose frames are in a split of the dataset or collection.
+
+    Raises InputError if there is no such split.
+    """
+    frames = pl.concat(
+        frames_of(layout).with_columns(rig=pl.lit(layout.root.name.removeprefix("rig_")))
+        for layout in rigs_of(root)
+    )
+    check_split(split, set(frames["split"]), root)
+    chosen = frames.filter(pl.col("split") == split)
+    keys = ["rig", "frame_id"] if "rig" in rows.columns else ["frame_id"]
+    # Numbers of rigs are text in the names of their folders.
+    of_split = chosen.select(pl.col(key).cast(rows.schema[key]) for key in keys)
+    return rows.join(of_split, on=keys, how="semi", maintain_order="left")
 
 
 def _table(
@@ -168,7 +165,9 @@ def _table(
 ) -> TrackTable:
     names = dict.fromkeys(name for one in scored.values() for name in one.methods)
     figures = {name: FIGURES[name] for name in folder.suite.content.metrics}
-    values, resampled, datasets = {}, dict[str, dict[str, Floats]](), {}
+    values = dict[str, dict[str, Value]]()
+    resampled = dict[str, dict[str, Floats]]()
+    datasets = dict[str, int]()
     for method in names:
         having = [one for one in scored.values() if method in one.methods]
         datasets[method] = len(having)
@@ -238,9 +237,9 @@ def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, F
     points, resampled = [], []
     for one in scored:
         rows, groups = one.of(method)
-        value = figure.statistic.of(rows)
-        if value is not None:
-            points.append(value)
+        point = figure.statistic.of(rows)
+        if point is not None:
+            points.append(point)
             resampled.append(statistic_draws(figure.statistic, rows, groups, one.counts))
     if not points or (name == ERROR and len(points) < len(scored)):
         return Value(None, None), np.full(1, np.nan)

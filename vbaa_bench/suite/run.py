@@ -20,7 +20,7 @@ from vbaa_bench.limits.dataset_limits import Progress, dataset_limits
 from vbaa_bench.scoring.isolation.runs import applicable
 from vbaa_bench.scoring.predictions import parsed, read_file
 from vbaa_bench.scoring.results_layout import Results, run_name
-from vbaa_bench.suite.folder import SuiteFolder, rigs_of
+from vbaa_bench.suite.folder import SuiteFolder, frames_of, rigs_of
 from vbaa_bench.suite.specification import Entry, load_suite
 from vbaa_bench.suite.submission import METHOD_FILE, Submission, read_submission
 
@@ -131,19 +131,20 @@ def _made(
     """Generate a dataset, or finish it, and compute its limits unless they are there."""
     file = folder.suite.scene(entry, folder.fresh_seed if fresh else None)
     made, variant = folder.results(entry, fresh=fresh), data.usable_variant(request.variant)
-    options = {"workers": request.workers, "variant": variant, "progress": True}
-    if entry.dataset.rigs is None:
-        data.generate(file, made.root, **options)
+    workers, rigs = request.workers, entry.dataset.rigs
+    if rigs is None:
+        data.generate(file, made.root, workers=workers, variant=variant, progress=True)
     else:
-        data.generate_rigs(file, made.root, rigs=range(entry.dataset.rigs), **options)
+        data.generate_rigs(
+            file, made.root, rigs=range(rigs), workers=workers, variant=variant, progress=True
+        )
     for layout in rigs_of(made.root):
         try:
             known = read_limits(layout) is not None
         except DamageError:
             known = False
         if not known:
-            workers = data.worker_count(request.workers, variant)
-            dataset_limits(layout.root, variant, workers, on_limits)
+            dataset_limits(layout.root, variant, data.worker_count(workers, variant), on_limits)
     return made
 
 
@@ -188,8 +189,7 @@ def _copy_predictions(made: Results, path: Path, submission: Submission, entry: 
     if "frame_id" not in table.columns:
         raise InputError(f"{file}: the column frame_id is missing")
     for layout in rigs_of(made.root):
-        frames = [frame.frame_id for frame in open_observations(layout.observations)]
-        rows = table.filter(table["frame_id"].is_in(frames))
+        rows = table.filter(table["frame_id"].is_in(frames_of(layout)["frame_id"].to_list()))
         files = {f"{submission.name}.csv": rows.write_csv().encode()}
         write_results(Results(layout.root).predictions, files, [f"{submission.name}.parquet"])
 

@@ -144,7 +144,7 @@ def test_help_has_types_and_defaults_in_words() -> None:
 
 def leaves(group: Any, prefix: str = "") -> dict[str, Any]:
     """Commands by the words that call them, such as `suite run`."""
-    found = {}
+    found: dict[str, Any] = {}
     for name, command in group.commands.items():
         is_group = hasattr(command, "commands")
         inner = leaves(command, f"{prefix}{name} ") if is_group else {f"{prefix}{name}": command}

@@ -12,6 +12,7 @@ from solver.instrument.errors import InputError
 from tests.command_line import CommandLine
 from tests.vbaa_bench.suite.small import CODE, folder_with, write_submission, write_suite
 from vbaa_bench import cli
+from vbaa_bench.api import results
 from vbaa_bench.limits import dataset_limits
 from vbaa_bench.suite import leaderboard as leaderboard_module
 from vbaa_bench.suite import run as run_module
@@ -64,7 +65,7 @@ def test_a_second_run_computes_nothing_again(
         raise AssertionError
 
     monkeypatch.setattr(run_module, "dataset_limits", again)
-    monkeypatch.setattr(run_module.results, "solve", again)
+    monkeypatch.setattr(results, "solve", again)
     assert len(list(run_suite(ran, Request((), ("exact_fit",)), lambda _line: None))) == 1
 
 
@@ -195,7 +196,7 @@ def test_damage_and_missing_datasets_are_named(ran: SuiteFolder, tmp_path: Path)
     (entry,) = folder.suite.entries()
     image = next(folder.results(entry).dataset.observations.glob("shard_*/*.png"))
     image.write_bytes(image.read_bytes()[:-1])
-    faults = []
+    faults: list[str] = []
     (verdict,) = verify_suite(folder, on_fault=faults.append)
     assert not verdict.holds
     assert image.name in faults[0]

@@ -68,8 +68,9 @@ def test_a_scene_that_is_not_as_the_suite_states_is_refused(suite: Path) -> None
         loaded.scene(entry)
     suite.write_text(text.replace("frames: 4", "frames: 4, rigs: 2"), encoding="utf-8")
     loaded = load_suite(str(suite))
+    (entry,) = loaded.entries()
     with pytest.raises(InputError, match=r"pushes\.rigs is 2, allowed is nothing, as in"):
-        loaded.scene(*loaded.entries())
+        loaded.scene(entry)
 
 
 def test_an_unknown_suite_or_track_is_refused_with_those_that_exist(suite: Path) -> None:
