@@ -129,8 +129,8 @@ def store_limits(
     """Compute the information limits of all frames; store them in the dataset or collection.
 
     `score` and `write_report` then show them. `progress` is called with the pushes of a dataset
-    that are done, and all of them; `on_rig` with the datasets. Returns the number of frames. Raises
-    InputError.
+    that are done, and all of them; `on_rig`, for a collection, with its datasets. Returns the
+    number of frames. Raises InputError.
 
     >>> vb.store_limits(data, workers=1)
     4
@@ -140,9 +140,9 @@ def store_limits(
     roots = [layout.root for layout in rigs.values()] or [root]
     chosen, frames = usable_variant(variant), 0
     count = worker_count(workers, chosen)
-    for number, one in enumerate(roots):
-        on_rig(number, len(roots))
+    for number, one in enumerate(roots, start=1):
         table = dataset_limits(one, chosen, count, progress)
         frames += table["frame_id"].n_unique()
-    on_rig(len(roots), len(roots))
+        if rigs:
+            on_rig(number, len(roots))
     return frames

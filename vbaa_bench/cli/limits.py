@@ -118,7 +118,7 @@ def store_limits(root: Path, workers: int | None, variant: str | None) -> int:
             root,
             workers=workers,
             variant=variant,
-            on_rig=progress_bar(bars, "datasets"),
+            on_rig=progress_bar(bars, "rigs", hidden=True),
             progress=progress_bar(bars, "limits"),
         )
 

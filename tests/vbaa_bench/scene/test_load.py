@@ -301,10 +301,10 @@ def test_draws_is_another_name_of_repeats(tmp_path: Path) -> None:
     assert said == [
         f"scene.yaml:{line}:3: pushes.repeats is 0, allowed is greater than or equal to 1"
     ]
-    (said,) = complaints(tmp_path, text.replace("draws: 2", "draws: 2\n  repeats: 2"))
-    assert said.endswith("pushes.draws is another name of repeats, allowed is one of the two")
-    (said,) = complaints(tmp_path, text.replace("draws: 2", "draw: 2"))
-    assert said.endswith("did you mean draws?")
+    (both,) = complaints(tmp_path, text.replace("draws: 2", "draws: 2\n  repeats: 2"))
+    assert both.endswith("pushes.draws is another name of repeats, allowed is one of the two")
+    (unknown,) = complaints(tmp_path, text.replace("draws: 2", "draw: 2"))
+    assert unknown.endswith("did you mean draws?")
 
 
 @pytest.mark.parametrize(
