@@ -1,6 +1,7 @@
 """The commands of `python -m solver`, and their errors."""
 
 import difflib
+import os
 import string
 import sys
 import time
@@ -16,12 +17,21 @@ from rich.console import Console
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
-from solver.instrument.observation import open_rig, rig_file
+from solver.instrument.observation import frames_beside, open_rig, rig_file
+from solver.instrument.rig import Rig
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
 from solver.lab.command_end import run_command
-from solver.lab.console import console, reasons, setting_up, table, with_progress
+from solver.lab.console import (
+    console,
+    expected_accuracy,
+    reasons,
+    setting_up,
+    table,
+    with_progress,
+)
 from solver.lab.controls import controls_of
+from solver.lab.example import example_rig, next_steps
 from solver.lab.input_options import (
     ChannelOption,
     ControlOption,
@@ -129,15 +139,16 @@ def solve(
         if target and ordered_rows:
             write(target, csv_text(ordered_rows).encode())
     if target and not (quiet or stream):
-        _show(ordered_rows, method, target)
+        _show(ordered_rows, method, target, antenna.rig)
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
         console.print("interrupted: the estimates so far are kept")
         raise typer.Exit(130)
 
 
-def _show(rows: list[Row], method: str, target: Path) -> None:
+def _show(rows: list[Row], method: str, target: Path, rig: Rig) -> None:
     Console().print(table(rows, method))
-    for line in (*reasons(rows), f"{len(rows)} estimates in {target}"):
+    lines = (*reasons(rows), *expected_accuracy(rows, rig), f"{len(rows)} estimates in {target}")
+    for line in lines:
         Console(soft_wrap=True).print(line, markup=False)
 
 
@@ -157,6 +168,20 @@ def _check_command(word: str) -> None:
     close = difflib.get_close_matches(word, names, 1)
     if close and not Path(word).exists():
         raise InputError(f"'{word}' is neither a command nor a file; did you mean '{close[0]}'?")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="folder for the table and the overlays")] = Path("demo"),
+) -> None:
+    """Estimate the forces in six images of the example rig; say how to go on with a camera."""
+    example = example_rig()
+    solve([str(example)], out=out / "estimates.csv", overlay=out)
+    Console(soft_wrap=True).print(
+        f"overlays in {out}{os.sep}*.png: all dots must be on the beam\n{next_steps(example)}",
+        markup=False,
+        highlight=False,
+    )
 
 
 @app.command()
@@ -226,8 +251,13 @@ def check(
     rig: RigOption,
     json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
 ) -> None:
-    """Report the quality of the calibration and of the rest images."""
-    report = calibration_report(set_up(open_rig(rig)))
+    """Report the quality of the calibration and of the rest images.
+
+    Images of pushes in the folder images/ beside the rig are compared with it, too.
+    """
+    opened = open_rig(rig)
+    frames = frames_beside(opened.root, opened.rig.channel)
+    report = calibration_report(set_up(opened), frames, len(opened.ground_images))
     print(report.json() if json else report.text())
 
 
