@@ -6,7 +6,7 @@ observations/
                                 TIFF or BMP, as all its images
   rest/rest_00.png ...          the beam before contact
   ground/ground_00.png ...      a laboratory's: the ground without the beam, in the same light; may
-                                be missing, is checked, and is not used yet
+                                be missing; size and depth are checked, and it is not used yet
   shard_00000/metadata.csv      one row per frame: see solver/instrument/metadata.py
   shard_00000/<frame_id>.png    one image per frame
   images/metadata.csv, images/*          of a laboratory, in place of shards; the table may be

@@ -48,6 +48,7 @@ from solver.lab.live import json_line, solve_shots, warm_up
 from solver.lab.outline_command import outline
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.photos_command import photos
+from solver.lab.protocol_report import protocol_report
 from solver.lab.rigidity_command import rigidity
 from solver.lab.shots import Source
 from solver.lab.sources import open_source
@@ -248,17 +249,45 @@ def _numbered(path: Path, count: int) -> Iterator[Path]:
 
 @app.command()
 def check(
-    rig: RigOption,
+    rig: OtherRigOption = None,
+    protocol: Annotated[
+        Path | None,
+        typer.Option(
+            help="folder of a set with known loads, in place of --rig: says all that is missing or "
+            "wrong, and compares the estimates with balance and ruler"
+        ),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
 ) -> None:
     """Report the quality of the calibration and of the rest images.
 
     Images of pushes in the folder images/ beside the rig are compared with it, too.
     """
+    if rig is None and protocol is not None:
+        _check_protocol(protocol, json)
+        return
+    if rig is None or protocol is not None:
+        raise InputError("check needs either --rig or --protocol")
     opened = open_rig(rig)
     frames = frames_beside(opened.root, opened.rig.channel)
     report = calibration_report(set_up(opened), frames, len(opened.ground_images))
     print(report.json() if json else report.text())
+
+
+def _check_protocol(folder: Path, as_json: bool) -> None:
+    """Print what is missing or wrong in a set, and its scores; exit with 1 if anything is."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is not a folder")
+    with setting_up(quiet=as_json):
+        report = protocol_report(folder)
+    if as_json:
+        print(report.json())
+    else:
+        if report.comparisons:
+            Console().print(*report.tables())
+        print(report.text())
+    if report.findings:
+        raise typer.Exit(1)
 
 
 for command in (rigidity, learn, outline, photos):

@@ -74,6 +74,33 @@ def test_a_right_rig_has_no_findings(antenna: Antenna, observations: Observation
     assert list(findings(antenna, observations.frames)) == []
 
 
+def sagging(antenna: Antenna, stated: float, subtracted: bool) -> Antenna:
+    """A level beam with a sag of 2 mm, as a bow that was subtracted or as the line through it."""
+    rest, rig, sag = antenna.rest, antenna.rig, 2e-3
+    if subtracted:
+        rest = replace(rest, bow=sag * np.array([2.0, -4 / 3, 1 / 3]))
+    else:
+        s = np.linspace(0.0, 1.0, 1001)
+        slope, offset = np.polyfit(s, sag * (6 * s**2 - 4 * s**3 + s**4) / 3, 1)
+        rest = replace(
+            rest,
+            y_at_clamp=rest.y_at_clamp + offset,
+            slope=rest.slope + slope / rig.beam.length,
+        )
+    return replace(
+        antenna,
+        rig=replace(rig, sag_in_plane=np.array([0.0, stated])),
+        at_rest=replace(antenna.at_rest, rest=rest),
+    )
+
+
+@pytest.mark.parametrize("subtracted", [True, False])
+def test_a_sag_is_a_finding_unless_it_is_stated(antenna: Antenna, subtracted: bool) -> None:
+    assert list(findings(sagging(antenna, 2.2e-3 if subtracted else 2e-3, subtracted))) == []
+    (finding,) = findings(sagging(antenna, 0.0, subtracted))
+    assert finding.name == ("rest_images_bent" if subtracted else "pose_inconsistent")
+
+
 def test_an_origin_far_from_the_beam_is_named(observations: Observations) -> None:
     wrong = replace(observations.rig, base_position=np.array([0.0, 0.04, 0.0]))
     with pytest.raises(InputError, match=r"the origin is wrong \(base\.position_mm"):
