@@ -7,10 +7,12 @@ from typing import Annotated, Final
 import typer
 
 from results.pictures.contact_sheet import contact_sheet
+from results.pictures.example_rig import example_rig
 from results.pictures.lighting_sheet import lighting_sheet
 from results.pictures.outside_view import outside_view
 from solver.instrument.errors import InputError
 from solver.lab.command_end import run_command
+from solver.lab.example import EXAMPLE
 from solver.lab.writing import prepare_output_path
 from vbaa_bench.cli.options import ScenePath, Variant
 from vbaa_bench.render.variant import choose
@@ -67,6 +69,21 @@ def outside(
     prepare_output_path(out)
     with console.status("rendering the rig"):
         outside_view(file, frame, out, choose(variant))
+    print(out)
+
+
+@app.command()
+def example(
+    work: Annotated[Path, typer.Argument(help="folder for the dataset, which is kept")],
+    scene: ScenePath = HERE / "example_rig.yaml",
+    out: Annotated[Path, typer.Option(help="new folder")] = EXAMPLE,
+    truth: Annotated[Path, typer.Option(help="JSON to write")] = Path(
+        "tests/data/example_rig.json"
+    ),
+    variant: Variant = None,
+) -> None:
+    """Render the example rig of the antenna's software, and keep its truth apart."""
+    example_rig(scene, work, out, truth, choose(variant))
     print(out)
 
 

@@ -31,7 +31,7 @@ Learn = Callable[[Sequence[Grey], Guide], Extractor]
 BESIDE_PX = 3.0
 # Lengths, over the stated one, at which a beam's free end is looked for. Chosen: an end is found if
 # it is in the last quarter.
-_LONGER = (1.1, 1.3, 1.6, 2.0)
+_OTHER_LENGTHS = (1.1, 1.3, 1.6, 2.0, 0.95, 0.75, 0.58, 0.45)
 # End of the beam's path for the landmarks, beyond its tip, over its length.
 BEYOND_TIP = 1.08
 
@@ -44,7 +44,7 @@ class AtRest:
     `rejected` holds the indices, among the distinct images, of those that disagree with the others,
     `disagreement_px` is the largest difference among the images that were used. `tip` (2,) [px] is
     the image of the free end and `tip_covariance` (2, 2) [px^2] its covariance; None where it is
-    not detected. Then `length_seen` [m] is the distance from the clamp to an end farther away, None
+    not detected. Then `length_seen` [m] is the distance from the clamp to an end elsewhere, None
     where there is none either.
     """
 
@@ -96,15 +96,15 @@ def learn_at_rest(
 
 
 def _length_seen(extract: Extractor, image: Grey) -> float | None:
-    """Look for the free end [m] of a beam that is longer than the rig states."""
+    """Look for the free end [m] of a beam that is longer or shorter than the rig states."""
     detector = extract.detector
     if detector is None:
         return None
-    for factor in _LONGER:
-        longer = replace(detector.guide, length=factor * detector.guide.length)
-        tip = replace(detector, guide=longer)(image).tip
+    for factor in _OTHER_LENGTHS:
+        other = replace(detector.guide, length=factor * detector.guide.length)
+        tip = replace(detector, guide=other)(image).tip
         if tip is not None:
-            return float(longer.places(tip[None])[0, 0])
+            return float(other.places(tip[None])[0, 0])
     return None
 
 
@@ -126,7 +126,8 @@ def _check_direction(
     if abs(angle) > LIMITS.max_misalignment and rig.camera_mount == "antenna":
         raise InputError(
             f"the beam at rest is at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
-            f"are {LIMITS.max_misalignment / DEGREE:.0f}: correct the third number of {key}"
+            f"are {LIMITS.max_misalignment / DEGREE:.0f}: correct the third number of {key}, or "
+            "the origin, base.position_mm"
         )
     detector = extract.detector
     if line.tip is None and detector is not None:

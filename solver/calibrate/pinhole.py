@@ -40,7 +40,9 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
     """
     if len(seen) < LIMITS.min_views:
         raise InputError(
-            f"{len(seen)} calibration views show enough of the board, needed are {LIMITS.min_views}"
+            f"{len(seen)} calibration views show enough of the board, needed are "
+            f"{LIMITS.min_views}; a single view works with 0 camera.distortion_coefficients, "
+            "as in the paper"
         )
     bundle, fit = _adjust_bundle(rig, seen, width, height)
     inliers = _without_outliers(seen, fit.fun)

@@ -106,7 +106,10 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     full_scale = guide.full_scale or int(np.iinfo(images[0].dtype).max)
     line = find_rest_line(mean, guide, FLAT_WIDTHS if guide.flat else WIDTHS)
     if line is None:
-        raise InputError("the rest images show no beam along the rig's x axis")
+        raise InputError(
+            "the rest images show no beam along the rig's x axis: if they show one elsewhere, the "
+            "origin is wrong (base.position_mm, board.antenna_from_board_translation_mm)"
+        )
     stated = None if guide.flat else guide.radius_px
     guide = replace(guide, radius=line.width * guide.radius)
     on_beam = line.places[(line.places[:, 0] > 0) & (line.places[:, 0] < 0.98 * guide.length)]

@@ -131,12 +131,13 @@ def direction_of_load(measurement: Measurement, gravity: Gravity) -> float:
 def hung_problem_of(measurement: Measurement, problem: Problem, gravity: Gravity) -> HungProblem:
     """Convert a measurement to the fit of a beam under a weight.
 
-    The direction of gravity has the tolerance of the rig's statement, and those of the encoder and
-    of the board's rotation, by which Sigma_a is known.
+    The direction of gravity has the tolerance of the rig's statement, and those of the encoder, if
+    the motor angle was read, and of the board's rotation, by which Sigma_a is known.
     """
     rod = rod_problem_of(measurement, problem)
     tolerances = measurement.rig.tolerances
-    sigma = math.hypot(gravity.sigma, tolerances.encoder, tolerances.board_rotation)
+    encoder = 0.0 if measurement.motor_angle is None else tolerances.encoder
+    sigma = math.hypot(gravity.sigma, encoder, tolerances.board_rotation)
     information = rod.information.copy()
     information[GRIP, GRIP] = sigma**-2 if sigma else 0.0
     free = sorted({*rod.free} - {GRIP} | ({GRIP} if sigma else set()))

@@ -5,6 +5,8 @@ observations/
   calibration/view_00.png ...   board views; view 0 lies in plane C; a laboratory's may be JPEG,
                                 TIFF or BMP, as all its images
   rest/rest_00.png ...          the beam before contact
+  ground/ground_00.png ...      a laboratory's: the ground without the beam, in the same light; may
+                                be missing; size and depth are checked, and it is not used yet
   shard_00000/metadata.csv      one row per frame: see solver/instrument/metadata.py
   shard_00000/<frame_id>.png    one image per frame
   images/metadata.csv, images/*          of a laboratory, in place of shards; the table may be
@@ -40,6 +42,7 @@ class Observations:
     board_views: tuple[Path, ...]
     rest_images: tuple[Path, ...]
     frames: tuple[ImageFrame, ...]
+    ground_images: tuple[Path, ...] = ()
 
     def __iter__(self) -> Iterator[ImageFrame]:
         """Iterate over the frames, ordered by push and step."""
@@ -65,15 +68,7 @@ def open_observations(root: str | Path) -> Observations:
         raise InputError(f"{root}: is not a folder of observations")
     names = listed(root)
     opened = open_rig(root)
-    images = root / "images"
-    if names is None:
-        tables = sorted([*root.glob("shard_*/metadata.csv"), *images.glob("metadata.csv")])
-    else:
-        tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
-    listed_frames = [frame for table in tables for frame in read_frames(table)]
-    if not tables and names is None:
-        listed_frames = [ImageFrame(path.stem, path) for path in image_files(images)]
-    frames = tuple(replace(frame, channel=opened.rig.channel) for frame in listed_frames)
+    frames = _frames(root, names, opened.rig.channel)
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv, images/*.png)")
     name, count = Counter(frame.frame_id for frame in frames).most_common(1)[0]
@@ -83,6 +78,27 @@ def open_observations(root: str | Path) -> Observations:
         )
     _check_bit_depth(opened.rest_images[0], frames)
     return replace(opened, frames=frames)
+
+
+def frames_beside(root: Path, channel: str) -> tuple[ImageFrame, ...]:
+    """List the frames in the folder of a rig.json, of which there may be none. Raises InputError.
+
+    `channel` is the channel read from colour images.
+    """
+    return _frames(root, listed(root), channel)
+
+
+def _frames(root: Path, names: Sequence[str] | None, channel: str) -> tuple[ImageFrame, ...]:
+    """List the frames of a tree whose hashes.json lists `names`, None without one."""
+    images = root / "images"
+    if names is None:
+        tables = sorted([*root.glob("shard_*/metadata.csv"), *images.glob("metadata.csv")])
+    else:
+        tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
+    frames = [frame for table in tables for frame in read_frames(table)]
+    if not tables and names is None:
+        frames = [ImageFrame(path.stem, path) for path in image_files(images)]
+    return tuple(replace(frame, channel=channel) for frame in frames)
 
 
 def _check_bit_depth(rest_image: Path, frames: Sequence[ImageFrame]) -> None:
@@ -111,12 +127,13 @@ def rig_file(path: Path) -> Path:
 def open_rig(path: Path) -> Observations:
     """Open a rig.json, or its folder, with the board views and the rest images.
 
-    These are beside it as calibration/view_* and rest/rest_*, all of one size. The result has no
-    frames. Raises InputError, and DamageError if an image of a generated tree is missing.
+    These are beside it as calibration/view_* and rest/rest_*, and images of the ground without the
+    beam as ground/ground_*, which may be missing; all are of one size. The result has no frames.
+    Raises InputError, and DamageError if an image of a generated tree is missing.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
-    names, hashes = ("calibration/view_", "rest/rest_"), read_hashes(root)
-    views, rests = (
+    names, hashes = ("calibration/view_", "rest/rest_", "ground/ground_"), read_hashes(root)
+    views, rests, grounds = (
         tuple(
             image_files(root / name.split("/")[0], name.split("/")[1])
             if hashes is None
@@ -124,25 +141,25 @@ def open_rig(path: Path) -> Observations:
         )
         for name in names
     )
-    for name, paths in zip(names, (views, rests), strict=True):
+    for name, paths in zip(names, (views, rests), strict=False):
         if not paths:
             raise InputError(f"{root}: holds no {name}*.png, at least one is needed")
-    for image in (*views, *rests):
+    for image in (*views, *rests, *grounds):
         if hashes is not None and not image.is_file():
             raise DamageError(f"{image}: is missing; {MEND}")
     expected = image_head(views[0])
-    for image in (*views, *rests):
+    for image in (*views, *rests, *grounds):
         size = image_head(image)
         if size[:2] != expected[:2]:
             raise InputError(
                 f"{image}: has {size.width} x {size.height} px, allowed is the size of "
                 f"{views[0].name}, {expected.width} x {expected.height} px"
             )
-    depths = {image: image_head(image).bits for image in rests}
+    depths = {image: image_head(image).bits for image in (*rests, *grounds)}
     for image, bits in depths.items():
         if bits != depths[rests[0]]:
             raise InputError(
                 f"{image}: has {bits} bits and {rests[0].name} {depths[rests[0]]}; "
                 "allowed are rest images of one depth"
             )
-    return Observations(root, rig, views, rests, ())
+    return Observations(root, rig, views, rests, (), grounds)

@@ -39,6 +39,9 @@ BITS = (8, 16)
 # Sigma of the apparent end of a bent beam where rig.json states none, in radii. Chosen: a sixth of
 # a pixel on the paper's rig, where psi has three times the sigma that it has with a sharp end.
 TIP_SIGMA_RADII = 0.2
+# Sigma of the motor angle where rig.json states none. Chosen: an angle that is set on a hobby servo
+# or read from a protractor. It does not matter where no angle is read.
+ENCODER_SIGMA_DEG = 1.0
 
 
 def rig_to_json(rig: Rig) -> str:
@@ -164,7 +167,12 @@ def read_rig(path: Path) -> Rig:
             base_position=key.number("base.position_sigma_mm", 0, MAX_POSITION_MM) * mm,
             board_translation=key.number("board.translation_sigma_mm", 0, MAX_POSITION_MM) * mm,
             board_rotation=key.number("board.rotation_sigma_deg", 0, 180) * DEGREE,
-            encoder=key.number("encoder.sigma_deg", 0, 180) * DEGREE,
+            encoder=(
+                key.number("encoder.sigma_deg", 0, 180)
+                if key.has("encoder.sigma_deg")
+                else ENCODER_SIGMA_DEG
+            )
+            * DEGREE,
             camera_shift_px=key.number("camera.camera_shift_sigma_px", 0, MAX_SHIFT_PX)
             if key.has("camera.camera_shift_sigma_px")
             else 0.0,

@@ -2,11 +2,13 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from solver.antenna import Antenna
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.lab.findings import Finding, findings
 
@@ -27,7 +29,8 @@ class CalibrationReport:
     the beam due to the calibration's own noise. `bow_mm` is the largest distance of the beam at
     rest from a line, 0 if no bow was detected. `roughness_px` is the part of a centre's error that
     is not due to sensor noise. `beam` to `roughness_px` are None for a centreline that does not
-    learn the beam's appearance. `findings` are contradictions between images and rig.json.
+    learn the beam's appearance. `ground_images` is the number of images of the ground without the
+    beam, which are not used yet. `findings` are contradictions between images and rig.json.
     """
 
     reprojection_px: float
@@ -54,6 +57,7 @@ class CalibrationReport:
     width_px: float | None
     spread_px: float | None
     roughness_px: float | None
+    ground_images: int
     findings: tuple[Finding, ...]
 
     @property
@@ -63,7 +67,10 @@ class CalibrationReport:
         if self.reprojection_px > MAX_REPROJECTION_PX:
             warnings.append("poor board fit: blurred views, bent board, or more lens distortion")
         if not self.viewpoint_known:
-            warnings.append("one board view: use only methods restricted to plane C")
+            warnings.append(
+                "one board view works with 0 coefficients, as in the paper, for methods restricted "
+                "to plane C"
+            )
         if 0.01 * self.lengths_sigma_pct > MAX_SCALE_SIGMA:
             warnings.append("large scale uncertainty: add closer board views that fill the image")
         if self.width_px is not None and self.width_px < MIN_WIDTH_PX:
@@ -121,13 +128,20 @@ class CalibrationReport:
                 f"variance {self.noise_dark:.3g} + {self.noise_per_gray:.3g} x gray value",
             ),
             ("beam appearance", appearance),
+            ("ground", f"{self.ground_images} images without the beam, not used yet"),
             ("assessment", self.meaning),
         )
-        return "\n".join(f"{name:16} {value}" for name, value in rows)
+        shown = (row for row in rows if row[0] != "ground" or self.ground_images)
+        return "\n".join(f"{name:16} {value}" for name, value in shown)
 
 
-def calibration_report(antenna: Antenna) -> CalibrationReport:
-    """Collect the report on an antenna."""
+def calibration_report(
+    antenna: Antenna, frames: Sequence[ImageFrame] = (), ground_images: int = 0
+) -> CalibrationReport:
+    """Collect the report on an antenna, with what `frames` of pushes contradict, if there are any.
+
+    `ground_images` is the number of images of the ground without the beam.
+    """
     calibration, rest, noise = antenna.calibration, antenna.rest, antenna.at_rest.noise
     camera, detector = calibration.camera, antenna.extract.detector
     look = None if detector is None else detector.appearance
@@ -163,7 +177,8 @@ def calibration_report(antenna: Antenna) -> CalibrationReport:
         width_px=None if look is None else 2 * look.section.radius,
         spread_px=None if look is None else look.section.spread,
         roughness_px=None if look is None else look.sigma_px,
-        findings=findings(antenna),
+        ground_images=ground_images,
+        findings=findings(antenna, frames),
     )
 
 

@@ -1,6 +1,7 @@
 """The commands of `python -m solver`, and their errors."""
 
 import difflib
+import os
 import string
 import sys
 import time
@@ -16,12 +17,21 @@ from rich.console import Console
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
-from solver.instrument.observation import open_rig, rig_file
+from solver.instrument.observation import frames_beside, open_rig, rig_file
+from solver.instrument.rig import Rig
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
 from solver.lab.command_end import run_command
-from solver.lab.console import console, reasons, setting_up, table, with_progress
+from solver.lab.console import (
+    console,
+    expected_accuracy,
+    reasons,
+    setting_up,
+    table,
+    with_progress,
+)
 from solver.lab.controls import controls_of
+from solver.lab.example import example_rig, next_steps
 from solver.lab.input_options import (
     ChannelOption,
     ControlOption,
@@ -38,6 +48,7 @@ from solver.lab.live import json_line, solve_shots, warm_up
 from solver.lab.outline_command import outline
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.photos_command import photos
+from solver.lab.protocol_report import protocol_report
 from solver.lab.rigidity_command import rigidity
 from solver.lab.shots import Source
 from solver.lab.sources import open_source
@@ -129,15 +140,16 @@ def solve(
         if target and ordered_rows:
             write(target, csv_text(ordered_rows).encode())
     if target and not (quiet or stream):
-        _show(ordered_rows, method, target)
+        _show(ordered_rows, method, target, antenna.rig)
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
         console.print("interrupted: the estimates so far are kept")
         raise typer.Exit(130)
 
 
-def _show(rows: list[Row], method: str, target: Path) -> None:
+def _show(rows: list[Row], method: str, target: Path, rig: Rig) -> None:
     Console().print(table(rows, method))
-    for line in (*reasons(rows), f"{len(rows)} estimates in {target}"):
+    lines = (*reasons(rows), *expected_accuracy(rows, rig), f"{len(rows)} estimates in {target}")
+    for line in lines:
         Console(soft_wrap=True).print(line, markup=False)
 
 
@@ -157,6 +169,20 @@ def _check_command(word: str) -> None:
     close = difflib.get_close_matches(word, names, 1)
     if close and not Path(word).exists():
         raise InputError(f"'{word}' is neither a command nor a file; did you mean '{close[0]}'?")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="folder for the table and the overlays")] = Path("demo"),
+) -> None:
+    """Estimate the forces in six images of the example rig; say how to go on with a camera."""
+    example = example_rig()
+    solve([str(example)], out=out / "estimates.csv", overlay=out)
+    Console(soft_wrap=True).print(
+        f"overlays in {out}{os.sep}*.png: all dots must be on the beam\n{next_steps(example)}",
+        markup=False,
+        highlight=False,
+    )
 
 
 @app.command()
@@ -223,12 +249,45 @@ def _numbered(path: Path, count: int) -> Iterator[Path]:
 
 @app.command()
 def check(
-    rig: RigOption,
+    rig: OtherRigOption = None,
+    protocol: Annotated[
+        Path | None,
+        typer.Option(
+            help="folder of a set with known loads, in place of --rig: says all that is missing or "
+            "wrong, and compares the estimates with balance and ruler"
+        ),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
 ) -> None:
-    """Report the quality of the calibration and of the rest images."""
-    report = calibration_report(set_up(open_rig(rig)))
+    """Report the quality of the calibration and of the rest images.
+
+    Images of pushes in the folder images/ beside the rig are compared with it, too.
+    """
+    if rig is None and protocol is not None:
+        _check_protocol(protocol, json)
+        return
+    if rig is None or protocol is not None:
+        raise InputError("check needs either --rig or --protocol")
+    opened = open_rig(rig)
+    frames = frames_beside(opened.root, opened.rig.channel)
+    report = calibration_report(set_up(opened), frames, len(opened.ground_images))
     print(report.json() if json else report.text())
+
+
+def _check_protocol(folder: Path, as_json: bool) -> None:
+    """Print what is missing or wrong in a set, and its scores; exit with 1 if anything is."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is not a folder")
+    with setting_up(quiet=as_json):
+        report = protocol_report(folder)
+    if as_json:
+        print(report.json())
+    else:
+        if report.comparisons:
+            Console().print(*report.tables())
+        print(report.text())
+    if report.findings:
+        raise typer.Exit(1)
 
 
 for command in (rigidity, learn, outline, photos):

@@ -1,5 +1,6 @@
 """Terminal output: progress, the latest estimate, a table. All but the table goes to stderr."""
 
+import math
 import threading
 from collections import Counter
 from collections.abc import Iterator, Sized
@@ -14,12 +15,16 @@ from rich.table import Table
 
 from solver.instrument.compiled import compiled_functions
 from solver.instrument.errors import printable
+from solver.instrument.rig import Rig
 from solver.lab.live import FrameResult
 from solver.lab.shots import Source
 from solver.lab.table import Row
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
+# Relative sigma of EI up to which it counts as learned. Chosen: twice what step 5 of the
+# laboratory's page, a hung weight, reaches.
+LEARNED_FORCE = 0.01
 # Number of functions that a first start compiles (measured; methods differ by a few).
 FUNCTIONS = 87
 
@@ -102,6 +107,19 @@ def reasons(rows: list[Row]) -> list[str]:
     return [
         f"{count} frame{'s' if count > 1 else ''}: {reason}"
         for reason, count in counts.most_common()
+    ]
+
+
+def expected_accuracy(rows: list[Row], rig: Rig) -> list[str]:
+    """Say how uncertain the forces are by EI alone, if a rig states no more than a drawing does."""
+    relative = math.hypot(
+        rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity, rig.shape.rigidity_sigma
+    )
+    if relative <= LEARNED_FORCE or all(cells["force_n"] is None for cells in rows):
+        return []
+    return [
+        f"expect forces within {100 * relative:.2g} % (one sigma, of EI in rig.json) until EI and "
+        "beam are learned: steps 5 and 6 of solver/README.md"
     ]
 
 

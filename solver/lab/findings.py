@@ -1,7 +1,7 @@
 """Consistency checks of a rig before use: board views and rest images against rig.json."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +9,23 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.at_rest.landmarks import FARTHEST
 from solver.calibrate.uncertainty import calibration_uncertainty
+from solver.fitting.first_contact import nearest_linear_bend
+from solver.fitting.thresholds import LIMITS
+from solver.instrument.errors import InputError
+from solver.instrument.image_frame import ImageFrame
+from solver.instrument.observation import CHECKED_FRAMES
 from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.to_measurement import to_measurement
+from solver.tracker import extract_centreline
 
 # Two values that differ by more than this number of their combined sigmas are a finding.
 CONTRADICTION = 3.0
+# Share of the stated sag by which the bow at rest may differ from it. Chosen: a diameter that is
+# off by 5 % changes EI by 20 %.
+SAG_TOLERANCE = 0.2
+# Offset and slope, over its tip's sag and the length, of the line of least squares through a sag of
+# (6 s^2 - 4 s^3 + s^4) / 3. Derived.
+SAG_OFFSET, SAG_SLOPE = -2 / 15, 16 / 15
 
 
 class Finding(NamedTuple):
@@ -22,10 +35,11 @@ class Finding(NamedTuple):
     message: str
 
 
-def findings(antenna: Antenna) -> tuple[Finding, ...]:
-    """List the contradictions among board views, rest images and rig.json."""
+def findings(antenna: Antenna, frames: Sequence[ImageFrame] = ()) -> tuple[Finding, ...]:
+    """List the contradictions among board views, rest images, `frames` of pushes and rig.json."""
     checks = (_stretched, _copies, _left_out, _second_line, _bent, _scale, _pose, _landmarks)
-    return tuple(finding for check in checks for finding in check(antenna))
+    of_rest = (finding for check in checks for finding in check(antenna))
+    return (*of_rest, *_side(antenna, frames))
 
 
 def _stretched(antenna: Antenna) -> Iterator[Finding]:
@@ -60,17 +74,19 @@ def _second_line(antenna: Antenna) -> Iterator[Finding]:
 
 
 def _bent(antenna: Antenna) -> Iterator[Finding]:
-    rest = antenna.rest
-    if rest.bent:
-        bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
+    rest, sag = antenna.rest, antenna.rig.sag_in_plane[1]
+    s = np.linspace(0.0, 1.0, 50)
+    bow, _ = rest.bow_at(rest.length * s)
+    left = np.abs(bow - sag * (6 * s**2 - 4 * s**3 + s**4) / 3).max()
+    if rest.bent and left > SAG_TOLERANCE * abs(sag):
         yield Finding(
             "rest_images_bent",
             f"the beam at rest has a bow of {np.abs(bow).max() / MILLIMETRE:.3f} mm, which is "
             "subtracted: if the unloaded beam is straight, something touches it; if it sags, set "
-            "beam.sag_mm",
+            "beam.sag_mm or, in the image's plane, beam.sag_in_plane_mm",
         )
-    elif rest.bow_undecided:
-        _, sigma = rest.bow_at(np.linspace(0.0, rest.length, 50))
+    elif rest.bow_undecided and not sag:
+        _, sigma = rest.bow_at(rest.length * s)
         yield Finding(
             "bow_undecided",
             f"the beam at rest may have a bow of {math.sqrt(3) * sigma.max() / MILLIMETRE:.3f} mm, "
@@ -104,8 +120,8 @@ def _scale(antenna: Antenna) -> Iterator[Finding]:
             "scale_inconsistent",
             f"the tip at rest is measured {seen / MILLIMETRE:.2f} mm from the clamp, "
             f"beam.length_mm is {length / MILLIMETRE:.2f} (sigma of the difference "
-            f"{sigma / MILLIMETRE:.2f} mm): board.square_mm, beam.length_mm or base.position_mm is "
-            "wrong, or the zoom has changed since the calibration",
+            f"{sigma / MILLIMETRE:.2f} mm): board.square_mm, beam.length_mm or the origin, "
+            "base.position_mm, is wrong, or the zoom has changed since the calibration",
         )
 
 
@@ -127,13 +143,17 @@ def _pose(antenna: Antenna) -> Iterator[Finding]:
     angle_sigma = math.hypot(
         tolerance.board_rotation, uncertainty.turn, math.sqrt(rest.line_covariance[1, 1])
     )
-    offset, angle = rest.y_at_clamp - rig.base_position[1], math.atan(rest.slope)
+    # Where no bow was subtracted, the line is that through a sagging beam.
+    sag = 0.0 if rest.bow.any() else rig.sag_in_plane[1]
+    offset = rest.y_at_clamp - rig.base_position[1] - SAG_OFFSET * sag
+    angle = math.atan(rest.slope - SAG_SLOPE * sag / rig.beam.length)
     if abs(angle) > CONTRADICTION * angle_sigma:
         yield Finding(
             "pose_inconsistent",
             f"the beam at rest is at {angle / DEGREE:.3f} deg to the rig's x axis (sigma "
-            f"{angle_sigma / DEGREE:.3f} deg): board.antenna_from_board_rotation_vector_deg is "
-            "wrong, board.rotation_sigma_deg too small, or the beam misaligned in the clamp",
+            f"{angle_sigma / DEGREE:.3f} deg): board.antenna_from_board_rotation_vector_deg or the "
+            "origin, base.position_mm, is wrong, board.rotation_sigma_deg too small, or the beam "
+            "misaligned in the clamp",
         )
     elif abs(offset) > CONTRADICTION * offset_sigma:
         yield Finding(
@@ -155,3 +175,28 @@ def _landmarks(antenna: Antenna) -> Iterator[Finding]:
             "few or too weak edges: bring the clamp or a fixed mark into view, or set "
             "camera.camera_shift_sigma_px",
         )
+
+
+def _side(antenna: Antenna, frames: Sequence[ImageFrame]) -> Iterator[Finding]:
+    """Check the side to which the pushes bend the beam, which the rest images do not show."""
+    significances = [_significance(antenna, frame) for frame in frames[:CHECKED_FRAMES]]
+    bent = [value for value in significances if abs(value) > LIMITS.contact_sigmas]
+    opposite = sum(value < 0 for value in bent)
+    if 2 * opposite > len(bent):
+        side = antenna.rig.deflects_towards
+        yield Finding(
+            "side_inconsistent",
+            f"{opposite} of the first {len(significances)} images show a beam that bends to the "
+            f"other side than beam.deflects_towards {side} states: write {-side}, or the images "
+            "are mirrored",
+        )
+
+
+def _significance(antenna: Antenna, frame: ImageFrame) -> float:
+    """Compute the bend over its sigma, positive to the stated side; 0 for an unusable image."""
+    try:
+        line = extract_centreline(antenna, frame.image())
+        measurement = to_measurement(antenna, line, frame.readings)
+    except InputError:
+        return 0.0
+    return nearest_linear_bend(measurement).significance

@@ -7,6 +7,7 @@ import zlib
 from pathlib import Path
 from random import Random
 
+import cv2
 import numpy as np
 import pytest
 
@@ -147,6 +148,21 @@ def test_frames_and_rest_images_of_two_depths_are_refused(
     else:  # one frame that differs is that frame's own matter
         shutil.copy(dataset / "observations" / images[0].relative_to(root), images[0])
         assert len(open_observations(root).frames) == 4
+
+
+def test_images_of_the_ground_have_a_place(dataset: Path, tmp_path: Path) -> None:
+    for folder in ("calibration", "rest"):
+        shutil.copytree(dataset / "observations" / folder, tmp_path / folder)
+    shutil.copy(dataset / "observations" / "rig.json", tmp_path)
+    assert open_rig(tmp_path).ground_images == ()
+    shutil.copytree(tmp_path / "rest", tmp_path / "ground")
+    for path in (tmp_path / "ground").iterdir():
+        path.rename(path.with_name(path.name.replace("rest", "ground")))
+    names = [path.name for path in open_rig(tmp_path).ground_images]
+    assert names == ["ground_00.png", "ground_01.png"]
+    cv2.imwrite(str(tmp_path / "ground" / "ground_02.jpg"), np.zeros((4, 5), np.uint8))
+    with pytest.raises(InputError, match=r"ground_02\.jpg: has 5 x 4 px, allowed is the size of"):
+        open_rig(tmp_path)
 
 
 def test_a_png_that_claims_to_be_huge_is_not_decoded(tmp_path: Path) -> None:

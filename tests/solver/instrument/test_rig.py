@@ -14,7 +14,7 @@ from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
 from solver.instrument.gravity import Gravity
 from solver.instrument.rig import ANY_LIGHT, Sensors
-from solver.instrument.rig_json import TIP_SIGMA_RADII, read_rig, rig_to_json
+from solver.instrument.rig_json import ENCODER_SIGMA_DEG, TIP_SIGMA_RADII, read_rig, rig_to_json
 from tests.draws import scene_seed
 from tests.simulated import rig
 
@@ -213,6 +213,14 @@ def test_a_file_that_is_no_rig_is_one_sentence(tmp_path: Path, text: str) -> Non
     with pytest.raises(InputError) as caught:
         read_rig(path)
     assert len(str(caught.value)) < len(str(path)) + 300
+
+
+def test_an_encoder_is_optional(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    document = json.loads(rig_to_json(rig()))
+    del document["encoder"]
+    path.write_text(json.dumps(document))
+    assert read_rig(path).tolerances.encoder == pytest.approx(math.radians(ENCODER_SIGMA_DEG))
 
 
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:

@@ -3,14 +3,17 @@
 import csv
 import io
 import time
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
+from solver.instrument.beam_shape import BeamShape
 from solver.instrument.estimate import Estimate, Outcome
 from solver.lab import console
-from solver.lab.console import reasons, sentence, setting_up, short_names, table
+from solver.lab.console import expected_accuracy, reasons, sentence, setting_up, short_names, table
 from solver.lab.table import csv_text, row
+from tests.simulated import rig
 
 
 @pytest.mark.parametrize(
@@ -46,6 +49,21 @@ def test_every_reason_is_said_once() -> None:
     first, second = reasons([*rows, row("e", values, 1.0)])
     assert first == "3 frames: invalid: the image is black"
     assert second.startswith("1 frame: no contact: ")
+
+
+def test_the_first_force_says_what_accuracy_to_expect() -> None:
+    """The rig states EI to 3 %, and to 2.4 % because the section's direction is unknown."""
+    drawn, values = rig(), Estimate(Outcome.CONTACT, values={"x_c_m": 0.1, "force_n": 0.2})
+    tolerances = replace(drawn.tolerances, flexural_rigidity=0.03 * drawn.beam.flexural_rigidity)
+    stated = replace(drawn, tolerances=tolerances, shape=BeamShape(rigidity_sigma=0.024))
+    (line,) = expected_accuracy([row("a", values, 1.0)], stated)
+    assert line.startswith("expect forces within 3.8 %")
+    assert "steps 5 and 6" in line
+    nothing = Estimate(Outcome.NO_CONTACT)
+    assert expected_accuracy([row("a", nothing, 1.0)], stated) == []
+    tolerances = replace(tolerances, flexural_rigidity=0.005 * drawn.beam.flexural_rigidity)
+    learned = replace(drawn, tolerances=tolerances)
+    assert expected_accuracy([row("a", values, 1.0)], learned) == []
 
 
 @pytest.mark.thorough

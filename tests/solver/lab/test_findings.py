@@ -9,10 +9,12 @@ import pytest
 from solver.antenna import Antenna
 from solver.at_rest.landmarks import Pixels
 from solver.calibrate.calibration import Stretch
+from solver.instrument.errors import InputError
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig
 from solver.instrument.rig_json import read_rig, rig_to_json
 from solver.instrument.transforms import rigid
+from solver.lab.check import calibration_report
 from solver.lab.findings import findings
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
@@ -36,6 +38,14 @@ def larger_squares(rig: Rig) -> Rig:
     return replace(rig, board=replace(rig.board, square=1.01 * rig.board.square))
 
 
+def origin_beside_the_clamp(rig: Rig) -> Rig:
+    return replace(rig, base_position=rig.base_position + np.array([0.0, 2e-3, 0.0]))
+
+
+def origin_along_the_beam(rig: Rig) -> Rig:
+    return replace(rig, base_position=rig.base_position + np.array([0.06, 0.0, 0.0]))
+
+
 def turned_board(rig: Rig) -> Rig:
     turn = rigid(np.array([0.0, 0.0, math.radians(1)]), np.zeros(3))
     return replace(rig, antenna_from_board=turn @ rig.antenna_from_board)
@@ -49,6 +59,8 @@ def turned_board(rig: Rig) -> Rig:
         (shorter, "scale_inconsistent"),
         (larger_squares, "scale_inconsistent"),
         (turned_board, "pose_inconsistent"),
+        (origin_beside_the_clamp, "pose_inconsistent"),
+        (origin_along_the_beam, "scale_inconsistent"),
     ],
 )
 def test_what_rig_json_states_wrongly_is_found(
@@ -58,8 +70,57 @@ def test_what_rig_json_states_wrongly_is_found(
     assert name in names(observations, wrong(observations.rig))
 
 
-def test_a_right_rig_has_no_findings(antenna: Antenna) -> None:
-    assert list(findings(antenna)) == []
+def test_a_right_rig_has_no_findings(antenna: Antenna, observations: Observations) -> None:
+    assert list(findings(antenna, observations.frames)) == []
+
+
+def sagging(antenna: Antenna, stated: float, subtracted: bool) -> Antenna:
+    """A level beam with a sag of 2 mm, as a bow that was subtracted or as the line through it."""
+    rest, rig, sag = antenna.rest, antenna.rig, 2e-3
+    if subtracted:
+        rest = replace(rest, bow=sag * np.array([2.0, -4 / 3, 1 / 3]))
+    else:
+        s = np.linspace(0.0, 1.0, 1001)
+        slope, offset = np.polyfit(s, sag * (6 * s**2 - 4 * s**3 + s**4) / 3, 1)
+        rest = replace(
+            rest,
+            y_at_clamp=rest.y_at_clamp + offset,
+            slope=rest.slope + slope / rig.beam.length,
+        )
+    return replace(
+        antenna,
+        rig=replace(rig, sag_in_plane=np.array([0.0, stated])),
+        at_rest=replace(antenna.at_rest, rest=rest),
+    )
+
+
+@pytest.mark.parametrize("subtracted", [True, False])
+def test_a_sag_is_a_finding_unless_it_is_stated(antenna: Antenna, subtracted: bool) -> None:
+    assert list(findings(sagging(antenna, 2.2e-3 if subtracted else 2e-3, subtracted))) == []
+    (finding,) = findings(sagging(antenna, 0.0, subtracted))
+    assert finding.name == ("rest_images_bent" if subtracted else "pose_inconsistent")
+
+
+def test_an_origin_far_from_the_beam_is_named(observations: Observations) -> None:
+    wrong = replace(observations.rig, base_position=np.array([0.0, 0.04, 0.0]))
+    with pytest.raises(InputError, match=r"the origin is wrong \(base\.position_mm"):
+        set_up(replace(observations, rig=wrong))
+
+
+def test_the_wrong_side_is_named_if_there_are_pushes(observations: Observations) -> None:
+    mirrored = replace(observations, rig=replace(observations.rig, deflects_towards=-1))
+    antenna = set_up(mirrored)
+    assert list(findings(antenna)) == []  # the beam at rest does not show it
+    (finding,) = findings(antenna, observations.frames)
+    assert finding.name == "side_inconsistent"
+    assert "4 of the first 4 images" in finding.message
+    assert "write 1" in finding.message
+
+
+def test_one_board_view_is_said_to_work_as_in_the_paper(antenna: Antenna) -> None:
+    calibration = replace(antenna.calibration, viewpoint_known=False, covariance=None)
+    report = calibration_report(replace(antenna, calibration=calibration))
+    assert "one board view works with 0 coefficients, as in the paper" in report.meaning
 
 
 def test_a_board_that_is_not_square_is_named(antenna: Antenna) -> None:

@@ -1,0 +1,87 @@
+"""Report on a set of real images with known loads: what is missing, and how the solver answers."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from solver.instrument.errors import InputError
+from solver.lab.findings import Finding, findings
+from solver.lab.protocol import (
+    Comparison,
+    Score,
+    check_protocol,
+    compare,
+    mistakes,
+    scores,
+    solve_known,
+)
+from solver.set_up import set_up
+
+
+@dataclass(frozen=True)
+class ProtocolReport:
+    """What is missing or wrong in a set, and its loads as they are known and as estimated."""
+
+    findings: tuple[Finding, ...]
+    comparisons: tuple[Comparison, ...] = ()
+    scores: tuple[Score, ...] = ()
+
+    def json(self) -> str:
+        """Format as one line of JSON."""
+        document = {
+            "findings": [one._asdict() for one in self.findings],
+            "scores": [one._asdict() for one in self.scores],
+            "comparisons": [
+                {**one._asdict(), "deviation": one.deviation} for one in self.comparisons
+            ],
+        }
+        return json.dumps(document)
+
+    def text(self) -> str:
+        """List every finding, one per line."""
+        if not self.findings:
+            return "complete: nothing is missing, and nothing contradicts balance and ruler"
+        return "\n".join(f"- {one.message}" for one in self.findings)
+
+    def tables(self) -> tuple[Table, Table]:
+        """Make the table of all loads, estimated against known, and that of the scores."""
+        loads = Table("image", "load", "", "known", "estimated", "deviation [sigma]")
+        for one in self.comparisons:
+            loads.add_row(
+                one.file_name,
+                one.load,
+                one.quantity,
+                f"{one.known:.4g} +- {one.known_sigma:.2g}",
+                f"{one.estimated:.4g} +- {one.estimated_sigma:.2g}",
+                f"{one.deviation:+.1f}",
+            )
+        summary = Table("load", "", "n", "median error [%]", "known to [%]", "RMS [sigma]")
+        for score in self.scores:
+            summary.add_row(
+                score.load,
+                score.quantity,
+                str(score.count),
+                f"{score.error_pct:.2g}",
+                f"{score.known_pct:.2g}",
+                f"{score.rms_deviation:.2f}",
+            )
+        return loads, summary
+
+
+def protocol_report(folder: Path) -> ProtocolReport:
+    """Check a set, solve its images, and compare the estimates with balance and ruler."""
+    protocol, missing = check_protocol(folder)
+    if protocol is None:
+        return ProtocolReport(tuple(missing))
+    try:
+        antenna = set_up(protocol.observations)
+    except InputError as error:
+        return ProtocolReport((*missing, Finding("no_calibration", str(error))))
+    answers = list(solve_known(protocol, antenna))
+    comparisons = [one for answer in answers for one in compare(*answer, antenna.rig)]
+    contradicted = (*findings(antenna), *mistakes(answers, comparisons))
+    return ProtocolReport(
+        (*missing, *contradicted), tuple(comparisons), tuple(scores(comparisons, antenna.rig))
+    )

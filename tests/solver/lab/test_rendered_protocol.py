@@ -1,0 +1,108 @@
+"""A rendered set of weights and pushes passes the check, and is answered within its sigmas."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from solver.__main__ import main
+from solver.instrument.units import DEGREE
+from solver.lab.protocol import GRAVITY, KNOWN, MIN_LOADS
+from tests.command_line import CommandLine
+from tests.solver.lab.test_protocol import write_known
+from vbaa_bench.api.data import Dataset, generate
+from vbaa_bench.scene.load import load_scene
+
+# Gravity is along +y of the image's plane, to which weights and pegs bend the rod.
+SCENE = """
+title: A carbon rod under loads
+seed: 44
+gravity_m_s2: [0, 9.81, 0]
+beam: {diameter_mm: 1.5, youngs_modulus_gpa: 130, density_kg_m3: 1600, yield_stress_mpa: 1800,
+  paint: black}
+tolerances: {true_rig: drawn, flexural_rigidity_pct: 2, gravity_deg: 0.2, board_mm: 0.05,
+  board_deg: 0.05, base_mm: 0.05}
+camera: {width_px: 400, height_px: 192, focal_length_px: 540, position_mm: [120.0, 24.0, 360.0],
+  look_at_mm: [120.6, 24.0, 0.0]}
+calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120.0, 24.0], views: 6}
+sensor: {rest_images: 2}
+background: {reflectance: 0.3}
+"""
+WEIGHTS = """
+object: {kind: weight, weight_g: {log_uniform: [10, 40], per: push}, thread_length_mm: 8,
+  weight_diameter_mm: 6, weight_height_mm: 8, reflectance: 0.3}
+pushes:
+  contact_distance_mm: [{uniform: [100, 230], per: push}]
+  pushing_angle_deg: [0]
+  motor_angle_at_contact_deg: [0, 0]
+  repeats: 20
+"""
+PUSHES = """
+object: {kind: peg}
+pushes:
+  contact_distance_mm: [{uniform: [80, 220], per: push}]
+  deflection_pct: [{uniform: [4, 12], per: push}]
+  motor_angle_at_contact_deg: [0, 0]
+  repeats: 20
+"""
+
+
+def write_set(weights: Dataset, pushes: Dataset, folder: Path) -> None:
+    """Write two datasets of one rig as a laboratory would; ruler and balance make no error."""
+    source = weights.observations.root
+    for name in ("calibration", "rest"):
+        shutil.copytree(source / name, folder / name)
+    shutil.copy(source / "rig.json", folder)
+    for name in ("ground", "ruler"):  # of which only size and depth are checked
+        (folder / name).mkdir()
+        for image in weights.observations.rest_images:
+            shutil.copy(image, folder / name / image.name.replace("rest", name))
+    (folder / "images").mkdir()
+    known, readings = list[list[str]](), [["file_name", "motor_angle_deg"]]
+    for load, data, place in (("weight", weights, "s_c_mm"), ("push", pushes, "x_c_mm")):
+        truth = {row["frame_id"]: row for row in data.truth.frames.iter_rows(named=True)}
+        for frame in data.observations.frames:
+            row, angle = truth[frame.frame_id], frame.readings.motor_angle
+            assert angle is not None
+            name = f"{load}_{frame.frame_id}.png"
+            shutil.copy(frame.path, folder / "images" / name)
+            readings.append([name, f"{angle / DEGREE:.6f}"])
+            mass = 1000 * row["force_n"] / GRAVITY
+            balance = [f"{mass:.3f}", "0.02"] if load == "weight" else ["", ""]
+            known.append([name, load, f"{row[place]:.3f}", "0.5", *balance])
+    write_known(folder, known)
+    with (folder / "images" / "metadata.csv").open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream).writerows(readings)
+
+
+@pytest.mark.thorough
+def test_a_rendered_set_passes_and_is_scored(
+    variant: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = []
+    for name, loads in (("weights", WEIGHTS), ("pushes", PUSHES)):
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(SCENE + loads, encoding="utf-8")
+        data.append(generate(load_scene(path), tmp_path / name, workers=0, variant=variant))
+    folder = tmp_path / "set"
+    folder.mkdir()
+    write_set(*data, folder)
+    command = CommandLine(main, capfd)
+    ended = command("check", "--protocol", folder, "--json")
+    found = json.loads(ended.out)
+    assert (ended.status, found["findings"]) == (0, [])
+    assert {(one["load"], one["quantity"], one["count"]) for one in found["scores"]} == {
+        ("weight", "s_c_mm", MIN_LOADS),
+        ("weight", "force_n", MIN_LOADS),
+        ("push", "x_c_mm", MIN_LOADS),
+    }
+    # The force's error is that of EI, to 2 %; a place's is that of the image, below the ruler's.
+    for score in found["scores"]:
+        assert score["error_pct"] < (6 if score["quantity"] == "force_n" else 0.5)
+        assert score["rms_deviation"] < 3
+    (folder / KNOWN).unlink()
+    ended = command("check", "--protocol", folder)
+    assert ended.status == 1
+    assert "known.csv" in ended.out
