@@ -1,15 +1,16 @@
 """Solving of a dataset with methods, and scoring of their estimates."""
 
+import difflib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, quoted
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from vbaa_bench.api.data import AnyDataset, dataset_folder
@@ -27,7 +28,7 @@ from vbaa_bench.scoring.isolation.runs import (
 from vbaa_bench.scoring.results_layout import USUAL_CENTRELINE, Results, run_name
 from vbaa_bench.scoring.score import read_scores, score_rigs, with_own
 from vbaa_bench.scoring.score import score as write_scores
-from vbaa_bench.scoring.tables import FORMATS
+from vbaa_bench.scoring.tables import BRIEF, FORMATS, Shown
 from vbaa_bench.workers.resources import cores
 
 # Name that selects all methods of the solver.
@@ -55,14 +56,48 @@ class AccuracyTable:
             infer_schema_length=None,
         )
 
-    def text(self, form: str = "markdown", *, brief: bool = False) -> str:
+    def of(self, methods: Sequence[str]) -> "AccuracyTable":
+        """Return the table with these methods only, and the limits. Raises InputError."""
+        known = [str(row["method"]) for row in self.rows]
+        check_names("method", methods, known)
+        kept = [row for row in self.rows if row["method"] in methods or not row["outcomes"]]
+        return replace(self, rows=kept)
+
+    def text(
+        self,
+        form: str = "markdown",
+        *,
+        brief: bool = False,
+        columns: Sequence[str] = (),
+        bold: bool = False,
+    ) -> str:
         """Write the table as "markdown", "latex" (with booktabs) or "csv".
 
-        A brief one has errors of x_c, force and psi, bound, coverage and time. Raises InputError.
+        `columns` are names of figures, as the CSV has them. A brief table has errors of x_c, force
+        and psi, bound, coverage and time. `bold` marks the smallest errors and times of a scene.
+        Raises InputError.
         """
         if form not in FORMATS:
             raise InputError(f"--format is {form}, allowed is one of {', '.join(FORMATS)}")
-        return FORMATS[form](self.rows, self.by, brief=brief)
+        figures = [
+            name for name, value in self.rows[0].items() if not isinstance(value, dict | str)
+        ]
+        check_names("column", columns, figures)
+        chosen = columns or (BRIEF if brief else None)
+        return FORMATS[form](self.rows, Shown(self.by, chosen, bold))
+
+
+def check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
+    """Raise InputError for the first name that is not known."""
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = (
+                f"did you mean {near[0]}?"
+                if near
+                else f"known are {', '.join(dict.fromkeys(known))}"
+            )
+            raise InputError(f"{what} {quoted(name)} is unknown; {hint}")
 
 
 def table(datasets: Sequence[AnyDataset] | AnyDataset, by: str | None = None) -> AccuracyTable:

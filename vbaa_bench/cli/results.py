@@ -132,6 +132,16 @@ def table(
     brief: Annotated[
         bool, typer.Option("--brief", help="errors of x_c, force and psi, bound, coverage, time")
     ] = False,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", help="figure to show, by its name in the CSV; repeatable"),
+    ] = None,
+    method: Annotated[
+        list[str] | None, typer.Option("--method", "-m", help="method to show; repeatable")
+    ] = None,
+    bold: Annotated[
+        bool, typer.Option("--bold", help="smallest error and time of a scene in bold")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Print the scores of several datasets as one table, with the bound if limits were computed."""
@@ -139,10 +149,12 @@ def table(
         from vbaa_bench.api import results
 
     made = results.table(datasets, by)
+    if method:
+        made = made.of(method)
     if as_json:
         print_result({"rows": made.rows}, "", True)
     else:
-        print(made.text(table_format, brief=brief))
+        print(made.text(table_format, brief=brief, columns=column or (), bold=bold))
 
 
 def solve_dataset(

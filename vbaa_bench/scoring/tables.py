@@ -41,7 +41,7 @@ _COLUMNS: Final = (
     *ADDED,
 )
 # Those of a brief table.
-_BRIEF: Final = (
+BRIEF: Final = (
     "x_c_median_abs_pct_L",
     "x_c_rmse_pct_L",
     "x_c_rmse_over_limit",
@@ -64,19 +64,55 @@ _LATEX: Final = {
 }
 
 
+# Figures of which the smallest of a scene can be set in bold.
+_ERRORS: Final = {
+    name
+    for name in (*_COLUMNS, *SUMMARY)
+    if "rmse" in name.removesuffix("sigma_over_rmse") or "abs" in name or name.startswith("ms_")
+}
+
+
+class Shown(NamedTuple):
+    """What a table shows of its rows.
+
+    `by` is the condition that splits them, `columns` are names of figures in the order of the
+    table, all by default. With `bold` the smallest error or time of a scene, and of a value of the
+    condition, is in bold, with all that have the same digits.
+    """
+
+    by: str | None = None
+    columns: Sequence[str] | None = None
+    bold: bool = False
+
+
 class _Cells(NamedTuple):
-    """Texts of a table: heads, the number of leading columns that are texts, and lines."""
+    """Texts of a table: heads, the number of leading columns that are texts, and lines.
+
+    `bold` are the places in bold, as numbers of line and column.
+    """
 
     heads: list[str]
     texts: int
     lines: list[list[str]]
+    bold: set[tuple[int, int]]
+
+    def written(self, escape: Callable[[str], str], bold: str) -> list[list[str]]:
+        """Return the lines with escaped cells; `bold` has braces in place of a text in bold."""
+        return [
+            [
+                bold.replace("{}", escape(cell)) if (i, j) in self.bold else escape(cell)
+                for j, cell in enumerate(line)
+            ]
+            for i, line in enumerate(self.lines)
+        ]
 
 
-def markdown(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:
+def markdown(rows: Sequence[Row], shown: Shown) -> str:
     """Format the table without empty columns, followed by the remarks on its scenes."""
-    table = _cells(rows, by, brief)
+    table = _cells(rows, shown)
     last = len(table.heads) - 1
-    text = markdown_table(table.heads, table.lines, {*range(table.texts), last})
+    lines = table.written(str, "**{}**")
+    text = markdown_table(table.heads, lines, {*range(table.texts), last})
     notes = [f"- `{scene}`: {sentence}" for scene, sentence in _remarks(rows).items()]
     return "\n".join([text, "", *notes]) if notes else text
 
@@ -91,16 +127,17 @@ def markdown_table(
     return "\n".join([first, f"| {' | '.join(rule)} |", *others])
 
 
-def latex(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:
+def latex(rows: Sequence[Row], shown: Shown) -> str:
     """Format the table for LaTeX with the package booktabs; remarks are comments below it.
 
     A rule separates datasets.
     """
-    table = _cells(rows, by, brief)
+    table = _cells(rows, shown)
     columns = "".join("l" if i < table.texts else "r" for i in range(len(table.heads) - 1)) + "l"
-    lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", _latex_line(table.heads), r"\midrule"]
-    for number, line in enumerate(table.lines):
-        if number and line[0] != table.lines[number - 1][0]:
+    heads = [_escaped(head) for head in table.heads]
+    lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", _latex_line(heads), r"\midrule"]
+    for number, line in enumerate(table.written(_escaped, r"\textbf{{}}")):
+        if number and line[0] != _escaped(table.lines[number - 1][0]):
             lines.append(r"\midrule")
         lines.append(_latex_line(line))
     lines += [r"\bottomrule", r"\end{tabular}"]
@@ -108,10 +145,10 @@ def latex(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) ->
     return "\n".join(lines)
 
 
-def csv_table(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:
-    """Format all numbers of the rows as CSV in full precision, with their keys as heads."""
-    heads = ["scene", *([] if by is None else [by]), "method", "n"]
-    wanted = _BRIEF if brief else rows[0]
+def csv_table(rows: Sequence[Row], shown: Shown) -> str:
+    """Format the numbers of the rows as CSV in full precision, with their keys as heads."""
+    heads = ["scene", *([] if shown.by is None else [shown.by]), "method", "n"]
+    wanted = rows[0] if shown.columns is None else shown.columns
     numbers = [key for key in wanted if any(isinstance(row[key], int | float) for row in rows)]
     heads += [key for key in numbers if key not in heads]
     stream = io.StringIO()
@@ -130,20 +167,37 @@ FORMATS: Final[dict[str, Callable[..., str]]] = {
 }
 
 
-def _cells(rows: Sequence[Row], by: str | None, brief: bool) -> _Cells:
-    columns = [
-        key
-        for key in _COLUMNS
-        if any(row[key] is not None for row in rows) and (key in _BRIEF or not brief)
-    ]
-    heads = [(SUMMARY | TABLE)[key].heading.table for key in columns]
-    texts = ["scene", *([] if by is None else [by]), "method"]
+def _cells(rows: Sequence[Row], shown: Shown) -> _Cells:
+    wanted = _COLUMNS if shown.columns is None else shown.columns
+    columns = [key for key in wanted if any(row[key] is not None for row in rows)]
+    declared = SUMMARY | TABLE
+    heads = [(declared[key].heading.table if key in declared else "") or key for key in columns]
+    texts = ["scene", *([] if shown.by is None else [shown.by]), "method"]
     lines = []
     for row in rows:
         labels = ["–" if row[key] is None else f"{row[key]}" for key in texts]
         numbers = ["–" if row[key] is None else f"{row[key]:.3g}" for key in columns]
         lines.append([*labels, *numbers, str(row["n"]), _outcomes(row)])
-    return _Cells([*texts, *heads, "n", "outcomes"], len(texts), lines)
+    bold = _smallest(rows, texts[:-1], columns, lines) if shown.bold else set()
+    return _Cells([*texts, *heads, "n", "outcomes"], len(texts), lines, bold)
+
+
+def _smallest(
+    rows: Sequence[Row], keys: Sequence[str], columns: Sequence[str], lines: list[list[str]]
+) -> set[tuple[int, int]]:
+    """Find the smallest error of the methods with equal `keys`, and those with its digits."""
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for i, row in enumerate(rows):
+        if row["outcomes"]:  # of a method, not of a limit
+            groups.setdefault(tuple(row[key] for key in keys), []).append(i)
+    found = set()
+    for members in groups.values():
+        for j, key in enumerate(columns, len(keys) + 1):
+            known = [i for i in members if rows[i][key] is not None]
+            if key in _ERRORS and known:
+                best = min(known, key=lambda i: abs(rows[i][key]))
+                found |= {(i, j) for i in known if lines[i][j] == lines[best][j]}
+    return found
 
 
 def _outcomes(row: Row) -> str:
@@ -155,6 +209,10 @@ def _remarks(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _latex_line(cells: Sequence[str]) -> str:
+    return f"{' & '.join(cells)} \\\\"
+
+
+def _escaped(cell: str) -> str:
+    """Escape the characters that LaTeX would interpret."""
     pattern = f"[{re.escape(''.join(_LATEX))}]"
-    escaped = [re.sub(pattern, lambda match: _LATEX[match[0]], cell) for cell in cells]
-    return f"{' & '.join(escaped)} \\\\"
+    return re.sub(pattern, lambda match: _LATEX[match[0]], cell)

@@ -17,7 +17,7 @@ from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.frame_scores import score_frames
 from vbaa_bench.scoring.predictions import checked_predictions
 from vbaa_bench.scoring.remarks import remarks
-from vbaa_bench.scoring.tables import csv_table, latex, markdown
+from vbaa_bench.scoring.tables import Shown, csv_table, latex, markdown
 
 SCENES = Path(__file__).parents[3] / "scenes"
 
@@ -132,7 +132,7 @@ def test_stiffness_is_gathered_by_decades_and_told_at_the_end_of_a_push(tmp_path
 
 
 def test_the_markdown_is_a_table_with_remarks_below(scored: Path) -> None:
-    text = markdown(accuracy([scored, scored]))
+    text = markdown(accuracy([scored, scored]), Shown())
     lines = text.splitlines()
     widths = {line.count("|") for line in lines[:6]}
     assert len(widths) == 1
@@ -160,12 +160,12 @@ def test_the_bound_is_a_row_after_the_methods(scored: Path) -> None:
     assert good["x_c_rmse_over_limit"] == pytest.approx(2)
     assert good["x_c_bias_over_limit"] == pytest.approx(0, abs=1e-9)
     assert good["x_c_efficiency_pct"] == pytest.approx(25)
-    assert "| taper | 20 % | bound (image) | 0.05 |" in markdown(rows, "push")
+    assert "| taper | 20 % | bound (image) | 0.05 |" in markdown(rows, Shown("push"))
 
 
 def test_latex_is_a_tabular_with_escaped_texts(scored: Path) -> None:
     rows = [row | {"scene": "50%_{a}\\b"} for row in accuracy([scored])]
-    lines = latex([*rows, *accuracy([scored])]).splitlines()
+    lines = latex([*rows, *accuracy([scored])], Shown()).splitlines()
     assert lines[0].startswith(r"\begin{tabular}{llr")
     assert lines[1::2][:2] == [r"\toprule", r"\midrule"]
     end = lines.index(r"\end{tabular}")
@@ -183,7 +183,7 @@ def test_latex_is_a_tabular_with_escaped_texts(scored: Path) -> None:
 
 def test_csv_has_every_number_under_its_key(scored: Path) -> None:
     rows = accuracy([scored])
-    table = pl.read_csv(csv_table(rows).encode())
+    table = pl.read_csv(csv_table(rows, Shown()).encode())
     assert table["method"].to_list() == ["good", "bad"]
     assert table["x_c_rmse_pct_L"][0] == rows[0]["x_c_rmse_pct_L"]
     assert table["outcomes"][1] == "3 contact, 1 crashed"
