@@ -98,7 +98,7 @@ def _drawn(row: Row, overlay: Overlay) -> WorstFrame:
 
 def _flag_names(overlay: Overlay) -> list[str]:
     """Return the name of the flag of each point that the solver rejected."""
-    flags = [] if overlay.measured is None else overlay.measured.flags
+    flags = () if overlay.measured is None else overlay.measured.flags
     return [Flag(int(flag)).name.lower() for flag in flags]
 
 
