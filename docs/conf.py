@@ -25,7 +25,13 @@ copyright = f"2026, {author}"  # noqa: A001  # Sphinx's own name
 release = version = _PROJECT["version"]
 
 root_doc = "docs/index"
-include_patterns = ["docs/*.md", "results/*/*.md", "scenes/README.md", "solver/README.md"]
+include_patterns = [
+    "docs/*.md",
+    "results/*/*.md",
+    "scenes/README.md",
+    "solver/README.md",
+    "solver/example/README.md",
+]
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 myst_heading_anchors = 3
 myst_enable_extensions = ["dollarmath"]
