@@ -156,7 +156,8 @@ def test_failures_are_listed_in_the_report(
 
 
 def test_bad_scenes_are_refused(command: CommandLine, tmp_path: Path) -> None:
-    assert "none.yaml: cannot be read" in command.refused("run", tmp_path / "none.yaml")
+    message = command.refused("run", tmp_path / "none.yaml")
+    assert "none.yaml: is neither a file nor a shipped scene" in message
     scene = tmp_path / "scene.yaml"
     scene.write_text("title: x\nseed: one\n", encoding="utf-8")
     message = command.refused("generate", scene, "--out", tmp_path / "out")

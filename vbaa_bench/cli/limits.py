@@ -47,7 +47,7 @@ def limits(
     _module: Modules = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="HTML page to write", show_default="runs/limits/<scene>.html"),
+        typer.Option(help="HTML page to write", show_default="runs/limits/SCENE.html"),
     ] = None,
     csv: Annotated[Path | None, typer.Option(help="CSV file to write, one row per place")] = None,
     workers: Workers = None,

@@ -22,7 +22,7 @@ def stress(
     method: Annotated[str, typer.Option(help=", ".join(METHODS))] = "exact_fit",
     work: Annotated[
         Path | None,
-        typer.Option(help="folder for the rigs' datasets", show_default="runs/stress/<scene>"),
+        typer.Option(help="folder for the rigs' datasets", show_default="runs/stress/SCENE"),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write, with the result of every frame")

@@ -138,7 +138,7 @@ SceneOrDataset = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(callback=checked_path, help="folder to write", show_default="runs/<scene>"),
+    typer.Option(callback=checked_path, help="folder to write", show_default="runs/SCENE"),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="seed in place of the scene's own")]
 Settings = Annotated[

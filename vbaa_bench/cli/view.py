@@ -47,7 +47,7 @@ def view(
         Path | None,
         typer.Option(
             help="file to write",
-            show_default="view.* in the dataset's folder report/; <scene>_<frame>.png",
+            show_default="view.* in the dataset's folder report/; SCENE_FRAME.png",
         ),
     ] = None,
     format_: Annotated[

@@ -138,7 +138,7 @@ def test_help_has_types_and_defaults_in_words() -> None:
         assert "Show this message" in text
         assert not re.search(r"\[default|<(bool|str|list|int|float)", text), words
     text = CliRunner().invoke(cli.app, ["run", "--help"], env={"COLUMNS": "200"}).stdout
-    assert "folder to write; default: runs/<scene>" in text
+    assert "folder to write; default: runs/SCENE" in text
     assert "median time is used; default: 3 " in text
 
 
