@@ -56,17 +56,27 @@ class Place:
 
 @dataclass(frozen=True)
 class TrackTable:
-    """A track: its methods by rank; `scored` are the names of its datasets that have scores."""
+    """A track: its methods by rank.
+
+    `scored` are the names of its datasets that have scores, and `small` of those with too few
+    pushes, or rigs, to distinguish methods: where there are any, no method is ranked.
+    """
 
     name: str
     about: str
     scored: Sequence[str]
     missing: Sequence[str]
+    small: Sequence[str]
     frames: int
     places: Sequence[Place]
 
     def sentence(self) -> str:
         """Name the best methods and the fastest ones: several where they are not distinguished."""
+        if self.small:
+            return (
+                f"Methods are not compared: fewer than {FEWEST_GROUPS} pushes, or rigs, in "
+                f"{', '.join(self.small)}."
+            )
         best = [one.method for one in self.places if one.rank == 1]
         fastest = [one.method for one in self.places if one.time_rank == 1]
         parts = [_winners("Most accurate", best), _winners("Fastest", fastest)]
@@ -174,7 +184,8 @@ def _table(
         values[method], resampled[method] = {}, {}
         for name in figures:
             values[method][name], resampled[method][name] = _figure(name, method, having)
-    complete = [name for name in names if datasets[name] == len(scored)]
+    small = [name for name, one in scored.items() if one.counts.shape[1] < FEWEST_GROUPS]
+    complete = [] if small else [name for name in names if datasets[name] == len(scored)]
     rank = ranks({n: resampled[n][ERROR] for n in complete if values[n][ERROR].value is not None})
     timed = {
         n: resampled[n][TIME]
@@ -204,6 +215,7 @@ def _table(
         about=entries.about,
         scored=list(scored),
         missing=[name for name in entries.datasets if name not in scored],
+        small=small,
         frames=sum(
             one.rows.filter(pl.col("method") == one.methods[0]).height for one in scored.values()
         ),
@@ -229,10 +241,7 @@ def _kind(method: str, submission: Submission | None) -> str:
 
 
 def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, Floats]:
-    """Compute a figure of a track from its datasets, of those that have it, and its draws.
-
-    The draws are NaN if a dataset has too few pushes to distinguish methods.
-    """
+    """Compute a figure of a track from its datasets, of those that have it, and its draws."""
     figure = FIGURES[name]
     points, resampled = [], []
     for one in scored:
@@ -244,6 +253,4 @@ def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, F
     if not points or (name == ERROR and len(points) < len(scored)):
         return Value(None, None), np.full(1, np.nan)
     of_track = figure.of_track(np.array(resampled))
-    value = Value(float(figure.of_track(np.array(points))), interval(of_track))
-    few = any(one.counts.shape[1] < FEWEST_GROUPS for one in scored)
-    return value, np.full(len(of_track), np.nan) if few else of_track
+    return Value(float(figure.of_track(np.array(points))), interval(of_track)), of_track
