@@ -58,24 +58,23 @@ class Place:
 class TrackTable:
     """A track: its methods by rank.
 
-    `scored` are the names of its datasets that have scores, and `small` of those with too few
-    pushes, or rigs, to distinguish methods: where there are any, no method is ranked.
+    `scored` are the names of its datasets that have scores; `pushes` is their number of different
+    pushes, or rigs. With fewer than FEWEST_GROUPS, no method is ranked.
     """
 
     name: str
     about: str
     scored: Sequence[str]
     missing: Sequence[str]
-    small: Sequence[str]
+    pushes: int
     frames: int
     places: Sequence[Place]
 
     def sentence(self) -> str:
         """Name the best methods and the fastest ones: several where they are not distinguished."""
-        if self.small:
+        if self.pushes < FEWEST_GROUPS:
             return (
-                f"Methods are not compared: fewer than {FEWEST_GROUPS} pushes, or rigs, in "
-                f"{', '.join(self.small)}."
+                f"Methods are not compared: there are fewer than {FEWEST_GROUPS} pushes, or rigs."
             )
         best = [one.method for one in self.places if one.rank == 1]
         fastest = [one.method for one in self.places if one.time_rank == 1]
@@ -146,7 +145,7 @@ def _scored(results: Results, entry: Entry) -> _Scored | None:
         rows = rows_of_split(rows, results.root, entry.dataset.split)
     groups = group_numbers(rows, ["rig"] if "rig" in rows.columns else None)
     names, groups = np.unique(groups, return_inverse=True)
-    return _Scored(rows, groups, draws(len(names)))
+    return _Scored(rows, groups, draws(len(names), size=len(names) - 1))
 
 
 def rows_of_split(rows: pl.DataFrame, root: Path, split: str) -> pl.DataFrame:
@@ -184,8 +183,8 @@ def _table(
         values[method], resampled[method] = {}, {}
         for name in figures:
             values[method][name], resampled[method][name] = _figure(name, method, having)
-    small = [name for name, one in scored.items() if one.counts.shape[1] < FEWEST_GROUPS]
-    complete = [] if small else [name for name in names if datasets[name] == len(scored)]
+    pushes = sum(one.counts.shape[1] for one in scored.values())
+    complete = [name for name in names if pushes >= FEWEST_GROUPS and datasets[name] == len(scored)]
     rank = ranks({n: resampled[n][ERROR] for n in complete if values[n][ERROR].value is not None})
     timed = {
         n: resampled[n][TIME]
@@ -209,13 +208,13 @@ def _table(
                 fresh=_figure(ERROR, method, again)[0] if again else None,
             )
         )
-    entries = folder.suite.content.tracks[track]
+    specification = folder.suite.content.tracks[track]
     return TrackTable(
         name=track,
-        about=entries.about,
+        about=specification.about,
         scored=list(scored),
-        missing=[name for name in entries.datasets if name not in scored],
-        small=small,
+        missing=[name for name in specification.datasets if name not in scored],
+        pushes=pushes,
         frames=sum(
             one.rows.filter(pl.col("method") == one.methods[0]).height for one in scored.values()
         ),
