@@ -1,5 +1,6 @@
 """The leaderboard of a suite: methods and submissions by track, with intervals and ties."""
 
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -145,7 +146,8 @@ def _scored(results: Results, entry: Entry) -> _Scored | None:
         rows = rows_of_split(rows, results.root, entry.dataset.split)
     groups = group_numbers(rows, ["rig"] if "rig" in rows.columns else None)
     names, groups = np.unique(groups, return_inverse=True)
-    return _Scored(rows, groups, draws(len(names), size=len(names) - 1))
+    seed = zlib.crc32(entry.key.encode())
+    return _Scored(rows, groups, draws(len(names), size=len(names) - 1, seed=seed))
 
 
 def rows_of_split(rows: pl.DataFrame, root: Path, split: str) -> pl.DataFrame:

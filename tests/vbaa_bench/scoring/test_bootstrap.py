@@ -40,6 +40,7 @@ def test_a_few_groups_have_an_unbiased_variance_if_one_less_is_drawn() -> None:
     means = counts @ values / 2
     assert np.std(means) == pytest.approx(np.std(values, ddof=1) / np.sqrt(3), rel=0.02)
     assert np.std(draws(3, number=200_000) @ values / 3) < 0.85 * np.std(means)
+    assert not np.array_equal(draws(3, number=99), draws(3, number=99, seed=1))
 
 
 def test_repeats_of_a_push_do_not_narrow_the_interval(random: np.random.Generator) -> None:
