@@ -51,9 +51,14 @@ def group_numbers(rows: pl.DataFrame, over: Sequence[str] | None = None) -> npt.
     return np.asarray(numbers, np.int64)
 
 
-def draws(groups: int, number: int = DRAWS) -> Floats:
-    """Draw how often each group is in each of a number of resamples, (number, groups)."""
-    indices = np.random.default_rng(0).integers(groups, size=(number, groups))
+def draws(groups: int, number: int = DRAWS, size: int | None = None, seed: int = 0) -> Floats:
+    """Draw how often each group is in each of a number of resamples, (number, groups).
+
+    A resample has `size` groups, by default all; of groups - 1, the variance of a mean is unbiased
+    (McCarthy and Snowden 1985), which matters where sets of a few groups are combined. These need
+    a `seed` each, or their draws are not independent.
+    """
+    indices = np.random.default_rng(seed).integers(groups, size=(number, size or groups))
     rows = np.arange(number)[:, None] * groups
     counts = np.bincount((rows + indices).ravel(), minlength=number * groups)
     return counts.reshape(number, groups).astype(np.float64)

@@ -1,5 +1,6 @@
 """The leaderboard of a suite: methods and submissions by track, with intervals and ties."""
 
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,17 +57,26 @@ class Place:
 
 @dataclass(frozen=True)
 class TrackTable:
-    """A track: its methods by rank; `scored` are the names of its datasets that have scores."""
+    """A track: its methods by rank.
+
+    `scored` are the names of its datasets that have scores; `pushes` is their number of different
+    pushes, or rigs. With fewer than FEWEST_GROUPS, no method is ranked.
+    """
 
     name: str
     about: str
     scored: Sequence[str]
     missing: Sequence[str]
+    pushes: int
     frames: int
     places: Sequence[Place]
 
     def sentence(self) -> str:
         """Name the best methods and the fastest ones: several where they are not distinguished."""
+        if self.pushes < FEWEST_GROUPS:
+            return (
+                f"Methods are not compared: there are fewer than {FEWEST_GROUPS} pushes, or rigs."
+            )
         best = [one.method for one in self.places if one.rank == 1]
         fastest = [one.method for one in self.places if one.time_rank == 1]
         parts = [_winners("Most accurate", best), _winners("Fastest", fastest)]
@@ -136,7 +146,8 @@ def _scored(results: Results, entry: Entry) -> _Scored | None:
         rows = rows_of_split(rows, results.root, entry.dataset.split)
     groups = group_numbers(rows, ["rig"] if "rig" in rows.columns else None)
     names, groups = np.unique(groups, return_inverse=True)
-    return _Scored(rows, groups, draws(len(names)))
+    seed = zlib.crc32(entry.key.encode())
+    return _Scored(rows, groups, draws(len(names), size=len(names) - 1, seed=seed))
 
 
 def rows_of_split(rows: pl.DataFrame, root: Path, split: str) -> pl.DataFrame:
@@ -174,7 +185,8 @@ def _table(
         values[method], resampled[method] = {}, {}
         for name in figures:
             values[method][name], resampled[method][name] = _figure(name, method, having)
-    complete = [name for name in names if datasets[name] == len(scored)]
+    pushes = sum(one.counts.shape[1] for one in scored.values())
+    complete = [name for name in names if pushes >= FEWEST_GROUPS and datasets[name] == len(scored)]
     rank = ranks({n: resampled[n][ERROR] for n in complete if values[n][ERROR].value is not None})
     timed = {
         n: resampled[n][TIME]
@@ -198,12 +210,13 @@ def _table(
                 fresh=_figure(ERROR, method, again)[0] if again else None,
             )
         )
-    entries = folder.suite.content.tracks[track]
+    specification = folder.suite.content.tracks[track]
     return TrackTable(
         name=track,
-        about=entries.about,
+        about=specification.about,
         scored=list(scored),
-        missing=[name for name in entries.datasets if name not in scored],
+        missing=[name for name in specification.datasets if name not in scored],
+        pushes=pushes,
         frames=sum(
             one.rows.filter(pl.col("method") == one.methods[0]).height for one in scored.values()
         ),
@@ -229,10 +242,7 @@ def _kind(method: str, submission: Submission | None) -> str:
 
 
 def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, Floats]:
-    """Compute a figure of a track from its datasets, of those that have it, and its draws.
-
-    The draws are NaN if a dataset has too few pushes to distinguish methods.
-    """
+    """Compute a figure of a track from its datasets, of those that have it, and its draws."""
     figure = FIGURES[name]
     points, resampled = [], []
     for one in scored:
@@ -244,6 +254,4 @@ def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, F
     if not points or (name == ERROR and len(points) < len(scored)):
         return Value(None, None), np.full(1, np.nan)
     of_track = figure.of_track(np.array(resampled))
-    value = Value(float(figure.of_track(np.array(points))), interval(of_track))
-    few = any(one.counts.shape[1] < FEWEST_GROUPS for one in scored)
-    return value, np.full(len(of_track), np.nan) if few else of_track
+    return Value(float(figure.of_track(np.array(points))), interval(of_track)), of_track

@@ -32,6 +32,17 @@ def test_the_median_of_each_draw_is_that_of_its_frames(frames: int, groups: int)
     assert median_interval(pl.Series(values), numbers) == pytest.approx(interval(np.array(medians)))
 
 
+def test_a_few_groups_have_an_unbiased_variance_if_one_less_is_drawn() -> None:
+    values = np.array([1.0, 2.0, 6.0])
+    counts = draws(3, number=200_000, size=2)
+    assert set(counts.sum(axis=1)) == {2.0}
+    # The standard error of a mean, s / sqrt(n); draws of all groups are a factor sqrt(2 / 3) below.
+    means = counts @ values / 2
+    assert np.std(means) == pytest.approx(np.std(values, ddof=1) / np.sqrt(3), rel=0.02)
+    assert np.std(draws(3, number=200_000) @ values / 3) < 0.85 * np.std(means)
+    assert not np.array_equal(draws(3, number=99), draws(3, number=99, seed=1))
+
+
 def test_repeats_of_a_push_do_not_narrow_the_interval(random: np.random.Generator) -> None:
     values = random.normal(5, 1, 30)
     once = median_interval(pl.Series(values), np.arange(30))
