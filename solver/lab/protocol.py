@@ -278,14 +278,14 @@ def compare(load: KnownLoad, estimate: Estimate, rig: Rig) -> list[Comparison]:
 class Score(NamedTuple):
     """Score of one quantity of one kind of load.
 
-    `count` values were compared. `error_pct` is the median error, of the known value for a force
+    `n_loads` loads were compared. `error_pct` is the median error, of the known value for a force
     and of the beam's length for a place; `known_pct` is what balance or ruler leave of it, the
     median sigma. `rms_deviation` is 1 if all sigmas are right.
     """
 
     load: Load
     quantity: str
-    count: int
+    n_loads: int
     error_pct: float
     known_pct: float
     rms_deviation: float

@@ -62,7 +62,7 @@ class ProtocolReport:
             summary.add_row(
                 score.load,
                 score.quantity,
-                str(score.count),
+                str(score.n_loads),
                 f"{score.error_pct:.2g}",
                 f"{score.known_pct:.2g}",
                 f"{score.rms_deviation:.2f}",

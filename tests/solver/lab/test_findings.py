@@ -43,7 +43,7 @@ def origin_beside_the_clamp(rig: Rig) -> Rig:
 
 
 def origin_along_the_beam(rig: Rig) -> Rig:
-    return replace(rig, base_position=rig.base_position + np.array([0.06, 0.0, 0.0]))
+    return replace(rig, base_position=rig.base_position + np.array([0.1, 0.0, 0.0]))
 
 
 def turned_board(rig: Rig) -> Rig:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solver.__main__ import main
 from solver.instrument.gravity import Gravity
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations
@@ -28,6 +29,7 @@ from solver.lab.protocol import (
 )
 from solver.methods.exact_fit import exact_fit
 from solver.methods.hung_weight import hung_weight
+from tests.command_line import CommandLine
 from tests.hung import UNIT, hung
 
 COLUMNS = ("file_name", "load", "distance_mm", "distance_sigma_mm", "mass_g", "mass_sigma_g")
@@ -166,6 +168,12 @@ def test_what_is_missing_or_wrong_is_named(
     assert message in named(folder)[name]
 
 
+def test_check_needs_a_rig_or_a_set(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    command = CommandLine(main, capfd)
+    assert "either --rig or --protocol" in command.refused("check")
+    assert "is not a folder" in command.refused("check", "--protocol", tmp_path / "none")
+
+
 def test_all_mistakes_are_named_at_once(folder: Path) -> None:
     without("ruler")(folder)
     without("ground")(folder)
@@ -196,7 +204,7 @@ def test_a_weight_is_compared_with_balance_and_ruler() -> None:
     assert by_force.error_pct == pytest.approx(100 * (1 - 1 / 1.01), rel=1e-3)
     assert by_place.error_pct == pytest.approx(100 * 1e-3 / rig.beam.length, rel=0.01)
     assert by_force.rms_deviation == pytest.approx(abs(force.deviation))
-    assert by_force.count == 1
+    assert by_force.n_loads == 1
 
 
 def test_a_slip_of_the_decimal_point_is_a_mistake() -> None:

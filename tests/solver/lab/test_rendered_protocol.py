@@ -81,19 +81,19 @@ def write_set(weights: Dataset, pushes: Dataset, folder: Path) -> None:
 def test_a_rendered_set_passes_and_is_scored(
     variant: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    data = []
+    data = {}
     for name, loads in (("weights", WEIGHTS), ("pushes", PUSHES)):
         path = tmp_path / f"{name}.yaml"
         path.write_text(SCENE + loads, encoding="utf-8")
-        data.append(generate(load_scene(path), tmp_path / name, workers=0, variant=variant))
+        data[name] = generate(load_scene(path), tmp_path / name, workers=0, variant=variant)
     folder = tmp_path / "set"
     folder.mkdir()
-    write_set(*data, folder)
+    write_set(data["weights"], data["pushes"], folder)
     command = CommandLine(main, capfd)
     ended = command("check", "--protocol", folder, "--json")
     found = json.loads(ended.out)
     assert (ended.status, found["findings"]) == (0, [])
-    assert {(one["load"], one["quantity"], one["count"]) for one in found["scores"]} == {
+    assert {(one["load"], one["quantity"], one["n_loads"]) for one in found["scores"]} == {
         ("weight", "s_c_mm", MIN_LOADS),
         ("weight", "force_n", MIN_LOADS),
         ("push", "x_c_mm", MIN_LOADS),
