@@ -191,9 +191,22 @@ Variant = Annotated[
         show_default="llvm_ad_mono, else scalar_rgb",
     ),
 ]
+
+
+def _known_methods(names: list[str] | None) -> list[str] | None:
+    """Refuse a misspelled name before anything is made. Raises InputError."""
+    for name in names or ():
+        if ":" not in name and name not in (*METHODS, "all"):
+            from solver.methods.by_name import check_known  # late: it imports all methods
+
+            check_known([name], ", all, or package.module:function")
+    return names
+
+
 Method = Annotated[
     list[str] | None,
     typer.Option(
+        callback=_known_methods,
         help=f"{', '.join(METHODS)}, all, or package.module:function; repeatable",
         show_default="all that the dataset has readings for",
     ),

@@ -217,3 +217,12 @@ def test_a_shell_completes_commands_options_and_values() -> None:
     assert completed("verify --le", 2) == ["--leaks"]
     assert completed("schema ", 2) == ["columns", "format", "scene"]
     assert completed("export set --to web", 4) == ["webdataset"]
+
+
+def test_a_misspelled_method_is_refused_before_anything_is_rendered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = CommandLine(cli.main, capfd).refused("run", "quickstart", "--method", "exactfit")
+    assert "method 'exactfit' is unknown, allowed is one of two_point" in said
+    assert list(tmp_path.iterdir()) == []
