@@ -8,10 +8,10 @@ from rich.table import Table
 
 from solver.instrument.errors import InputError
 from solver.lab.findings import Finding, findings
-from solver.lab.protocol import (
+from solver.lab.protocol import check_protocol
+from solver.lab.protocol_score import (
     Comparison,
     Score,
-    check_protocol,
     compare,
     mistakes,
     scores,

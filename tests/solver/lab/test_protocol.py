@@ -16,17 +16,8 @@ from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig
 from solver.instrument.rig_json import rig_to_json
-from solver.lab.protocol import (
-    GRAVITY,
-    GRAVITY_SIGMA,
-    KNOWN,
-    MIN_LOADS,
-    KnownLoad,
-    check_protocol,
-    compare,
-    mistakes,
-    scores,
-)
+from solver.lab.protocol import KNOWN, MIN_LOADS, KnownLoad, check_protocol
+from solver.lab.protocol_score import GRAVITY, GRAVITY_SIGMA, compare, mistakes, scores
 from solver.methods.exact_fit import exact_fit
 from solver.methods.hung_weight import hung_weight
 from tests.command_line import CommandLine

@@ -9,7 +9,8 @@ import pytest
 
 from solver.__main__ import main
 from solver.instrument.units import DEGREE
-from solver.lab.protocol import GRAVITY, KNOWN, MIN_LOADS
+from solver.lab.protocol import KNOWN, MIN_LOADS
+from solver.lab.protocol_score import GRAVITY
 from tests.command_line import CommandLine
 from tests.solver.lab.test_protocol import write_known
 from vbaa_bench.api.data import Dataset, generate

@@ -54,6 +54,16 @@ def test_place_and_force_agree_with_the_world(
     assert heading_c == pytest.approx(heading - motor_angle, abs=1e-8)
 
 
+def test_an_encoder_matters_only_where_it_is_read() -> None:
+    exact, _ = hung(0.5, 1.5)
+    tolerances = replace(exact.rig.tolerances, encoder=math.radians(1))
+    read = replace(exact, rig=replace(exact.rig, tolerances=tolerances))
+    sigmas = [hung_weight(one).sigma("force_n") for one in (exact, read)]
+    without = hung_weight(replace(read, motor_angle=None)).sigma("force_n")
+    assert sigmas[1] > 1.01 * sigmas[0]
+    assert without == pytest.approx(sigmas[0], rel=1e-6)
+
+
 def test_a_normal_force_is_another_one() -> None:
     exact, contact = hung(0.5, 1.5)
     estimate, white = uniform_estimate(exact)
