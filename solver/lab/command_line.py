@@ -32,6 +32,7 @@ from solver.lab.console import (
 )
 from solver.lab.controls import controls_of
 from solver.lab.example import example_rig, next_steps
+from solver.lab.help import Command, Group
 from solver.lab.input_options import (
     ChannelOption,
     ControlOption,
@@ -60,7 +61,9 @@ from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
+app = typer.Typer(
+    cls=Group, add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True
+)
 
 
 @app.command()
@@ -292,6 +295,8 @@ def _check_protocol(folder: Path, as_json: bool) -> None:
 
 for command in (rigidity, learn, outline, photos):
     app.command()(command)
+for registered in app.registered_commands:
+    registered.cls = Command
 
 
 def main() -> None:

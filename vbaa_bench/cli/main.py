@@ -13,10 +13,10 @@ from typer.exceptions import TyperException
 
 from solver.instrument.errors import IncompleteError, InputError
 from solver.lab.command_end import run_command
+from solver.lab.help import Command, Group
 from vbaa_bench.cli import checks, data, datasets, measure, results
 from vbaa_bench.cli.compare import compare
 from vbaa_bench.cli.export import export
-from vbaa_bench.cli.help import Command, Group
 from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.scenes import scenes

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from solver.instrument.errors import InputError
-from vbaa_bench.cli.help import Command, Group
+from solver.lab.help import Command, Group
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Method, Variant, Workers, checked_path
 from vbaa_bench.report.console import (

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.errors import InputError
+from solver.lab.command_line import app as antenna
 from solver.methods import METHODS
 from tests.command_line import CommandLine
 from vbaa_bench import cli
@@ -131,12 +132,17 @@ def test_every_command_shows_an_example_with_options_that_exist() -> None:
             find_scene(words[1])
 
 
-def test_help_has_types_and_defaults_in_words() -> None:
-    group: Any = typer.main.get_command(cli.app)
-    for words in ([], *(name.split() for name in leaves(group)), ["suite"]):
-        text = CliRunner().invoke(cli.app, [*words, "--help"], env={"COLUMNS": "200"}).stdout
+@pytest.mark.parametrize("app", [cli.app, antenna], ids=["vbaa-bench", "solver"])
+def test_help_has_types_and_defaults_in_words(app: typer.Typer) -> None:
+    group: Any = typer.main.get_command(app)
+    groups: list[list[str]] = [[], ["suite"]] if app is cli.app else [[]]
+    for words in (*groups, *(name.split() for name in leaves(group))):
+        text = CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "200"}).stdout
         assert "Show this message" in text
-        assert not re.search(r"\[default|<(bool|str|list|int|float)", text), words
+        assert not re.search(r"\[default|<(bool|str|list|int|float|path)\b", text), words
+
+
+def test_defaults_in_help_are_sentences() -> None:
     text = CliRunner().invoke(cli.app, ["run", "--help"], env={"COLUMNS": "200"}).stdout
     assert "folder to write; default: runs/SCENE" in text
     assert "median time is used; default: 3 " in text
