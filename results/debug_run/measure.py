@@ -56,7 +56,8 @@ class Row(NamedTuple):
 
 def cases(rigs: int) -> list[Case]:
     """List all scenes, and `rigs` rigs of the random ones together."""
-    names = [path.relative_to(SCENES).as_posix() for path in sorted(SCENES.rglob("*.yaml"))]
+    files = [path for path in sorted(SCENES.rglob("*.yaml")) if path.parent.name != "suites"]
+    names = [path.relative_to(SCENES).as_posix() for path in files]
     random = [name for name in names if name.startswith("random/")]
     plain = [Case(name, 0) for name in names if name not in random]
     return plain + [Case(random[i % len(random)], i // len(random)) for i in range(rigs)]

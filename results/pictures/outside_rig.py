@@ -80,9 +80,10 @@ def viewpoint(assembler: SceneAssembler) -> Viewpoint:
     """Choose where to look from: down to the beam and its contact, past the camera's lens."""
     length = assembler.rig.beam.length
     height = float(invert(assembler.rig.camera.camera_from_antenna)[2, 3])
-    position = np.array([0.8 * length, -1.05 * length, 1.2 * height])
-    target = np.array([0.45 * length, 0.1 * length, 0.44 * height])
-    return Viewpoint(position, target, 60.0)
+    top = height + (_CAMERA_DEPTH + _LENS_LENGTH) * length
+    target = np.array([0.48 * length, 0.1 * length, 0.30 * top])
+    position = np.array([1.67 * length, -2.56 * length, 1.01 * top])
+    return Viewpoint(position, target, 35.0)
 
 
 def _new(mesh: trimesh.Trimesh, colour: Colour, paint: str, roughness: float = 0.3) -> ColouredBody:

@@ -12,6 +12,7 @@ from solver.lab.command_end import run_command
 from vbaa_bench.cli.options import AsJson, Variant
 from vbaa_bench.render.variant import choose
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
+from vbaa_bench.scene.shipped import SUITES
 
 app = typer.Typer()
 
@@ -31,7 +32,7 @@ def scenes(
     Run it again to finish an interrupted table; scenes that have not changed are not measured
     again.
     """
-    paths = sorted(folder.rglob("*.yaml"))
+    paths = [path for path in sorted(folder.rglob("*.yaml")) if path.parent.name != SUITES]
     if not paths:
         raise InputError(f"{folder}: holds no scene (*.yaml)")
     named = {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}

@@ -19,8 +19,9 @@ from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.objects.pad import PadSpec
 from vbaa_bench.scene.objects.weight import WeightSpec
+from vbaa_bench.scene.shipped import shipped_scene_files
 
-SCENES = sorted((Path(__file__).parents[2] / "scenes").rglob("*.yaml"))
+SCENES = shipped_scene_files()
 MICROMETRE = 1e-6
 # Random pushes that are solved, spread over all. Chosen: an impossible draw is repeated up to 64
 # times, so that more pushes find no more, and 16 cover the ranges of a scene.

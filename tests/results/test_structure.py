@@ -45,6 +45,7 @@ def test_modules_that_run_and_hand_overs_between_rooms_are_counted(tmp_path: Pat
     package = tmp_path / "code" / "vbaa_bench"
     for room in ("one", "two"):
         (package / room).mkdir(parents=True)
+    (package / "__init__.py").touch()
     (package / "__main__.py").write_text(PROGRAM, encoding="utf-8")
     (package / "one" / "step.py").write_text(
         "from vbaa_bench.two import other, unused\n\n\ndef take(words):\n    other.use(words)\n"

@@ -6,6 +6,7 @@ length, would be a traceback far from its cause.
 
 import io
 import os
+import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -66,7 +67,7 @@ def read_parquet(
     a column has another type than in `schema`; `path` is for the message.
     """
     try:
-        with _without_backtraces():
+        with _BACKTRACES.dropped():
             dtypes = pl.read_parquet_schema(io.BytesIO(data))
             names = [name for name in dtypes if chosen(name)]
             if schema is not None:
@@ -88,24 +89,44 @@ def read_parquet(
     return table
 
 
-@contextmanager
-def _without_backtraces() -> Iterator[None]:
-    """Drop what Polars writes to standard error before its panic reaches Python as an exception.
+class _Backtraces:
+    """Drops what Polars writes to standard error before its panic reaches Python as an exception.
 
     Its threads write to the file descriptor itself, so nothing else can be written meanwhile.
+    Several threads may read at once: the first one redirects the descriptor, the last one restores
+    it.
     """
-    try:
-        kept = os.dup(2)
-    except OSError:  # standard error is closed
-        yield
-        return
-    with Path(os.devnull).open("wb") as nowhere:
-        os.dup2(nowhere.fileno(), 2)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+
+    def __init__(self) -> None:
+        self._lock, self._readers, self._kept = threading.Lock(), 0, -1
+
+    @contextmanager
+    def dropped(self) -> Iterator[None]:
+        """Drop them within this context."""
+        with self._lock:
+            if self._readers == 0:
+                self._redirect()
+            self._readers += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._readers -= 1
+                if self._readers == 0 and self._kept >= 0:
+                    os.dup2(self._kept, 2)
+                    os.close(self._kept)
+
+    def _redirect(self) -> None:
+        try:
+            self._kept = os.dup(2)
+        except OSError:  # standard error is closed
+            self._kept = -1
+            return
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+
+
+_BACKTRACES: Final = _Backtraces()
 
 
 def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:

@@ -118,7 +118,10 @@ def _read_by_client(
     package = clients.__name__
     command = [str(python), "-m", package, client, str(folder.resolve()), str(expected)]
     with tempfile.TemporaryDirectory() as home:
-        shutil.copytree(Path(clients.__file__).parent, Path(home, *package.split(".")))
+        copy = shutil.copytree(Path(clients.__file__).parent, Path(home, *package.split(".")))
+        # Regular packages: a folder without this file would come after one on Python's path.
+        for parent in list(copy.parents)[: package.count(".")]:
+            (parent / "__init__.py").touch()
         return subprocess.run(
             command, cwd=home, capture_output=True, text=True, check=False, env=offline(Path(home))
         )

@@ -13,6 +13,7 @@ from vbaa_bench.assembly.plan import accepted_rig, plan
 from vbaa_bench.dataset.identity import dataset_identity
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.scene.shipped import SUITES
 
 # Frames of the planned pushes. Chosen: several pushes of most scenes; a frame takes up to 50 ms.
 _FRAMES: Final = 12
@@ -25,7 +26,8 @@ class Scenes:
 
     def __init__(self, material: Path) -> None:
         """Read all scenes below `material`/scenes, and the files that they name."""
-        paths = sorted((material / "scenes").rglob("*.yaml"))
+        everything = sorted((material / "scenes").rglob("*.yaml"))
+        paths = [path for path in everything if path.parent.name != SUITES]
         self.texts = [path.read_text(encoding="utf-8") for path in paths]
         self.trees = [YAML(typ="safe", pure=True).load(text) for text in self.texts]
         self._files = {path.name: path.read_bytes() for path in (material / "files").iterdir()}

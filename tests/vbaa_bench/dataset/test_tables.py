@@ -2,8 +2,10 @@
 
 import io
 import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -99,6 +101,18 @@ def test_a_panic_of_the_reader_is_one_sentence(
         InputError, match=r"x\.parquet: is not a Parquet table \(assertion failed\)"
     ):
         read_parquet(Path("x.parquet"), data.getvalue())
+    os.write(2, b"later")
+    assert capfd.readouterr().err == "later"
+
+
+def test_standard_error_is_there_after_several_threads_have_read(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    data = io.BytesIO()
+    pl.DataFrame({"a": np.arange(1000.0)}).write_parquet(data)
+    with ThreadPoolExecutor(8) as pool:
+        read = [pool.submit(read_parquet, Path("x"), data.getvalue()) for _ in range(400)]
+    assert all(one.result().height == 1000 for one in read)
     os.write(2, b"later")
     assert capfd.readouterr().err == "later"
 

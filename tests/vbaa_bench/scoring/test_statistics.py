@@ -102,7 +102,7 @@ from vbaa_bench.report.report import report
 from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores, score
-from vbaa_bench.scoring.tables import markdown
+from vbaa_bench.scoring.tables import Shown, markdown
 
 root, own = map(Path, sys.argv[1:])
 results = Results(root)
@@ -110,7 +110,7 @@ summary = score(results, {"own": own})
 assert abs(summary["methods"]["own"]["y_c_rmse_pct_L"] - 1) < 1e-9
 assert "y_c_error_pct_L" in read_scores(results).columns
 assert "`y_c_error_pct_L` | % of L | Sigma_d | error of y_c |" in dictionary.page()
-assert "| y_c RMSE, % of L |" in markdown(accuracy([root]))
+assert "| y_c RMSE, % of L |" in markdown(accuracy([root]), Shown())
 page = report(results, set_up_antenna=lambda _: (None, "not here")).read_text("utf-8")
 assert '<th scope="col">y_c RMSE, % of L</th>' in page
 """
