@@ -160,7 +160,7 @@ def csv_table(rows: Sequence[Row], shown: Shown) -> str:
     return stream.getvalue().rstrip("\n")
 
 
-FORMATS: Final[dict[str, Callable[..., str]]] = {
+FORMATS: Final[dict[str, Callable[[Sequence[Row], Shown], str]]] = {
     "markdown": markdown,
     "latex": latex,
     "csv": csv_table,

@@ -22,7 +22,7 @@ from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import score as write_scores
 from vbaa_bench.scoring.score import score_rigs, with_own
-from vbaa_bench.scoring.tables import FORMATS
+from vbaa_bench.scoring.tables import FORMATS, Shown
 
 
 def score(root: Path, *predictions: Path) -> None:
@@ -48,7 +48,7 @@ def report(root: Path, baseline: Path | None = None) -> None:
 
 def table(root: Path, by: str | None = None, name: str = "markdown") -> None:
     """Format the table of accuracies. Raises UnexpectedOutputError as `score` does."""
-    text = FORMATS[name](accuracy([root], by), by)
+    text = FORMATS[name](accuracy([root], by), Shown(by))
     if characters := control_characters(text):
         raise UnexpectedOutputError(f"the table has the characters {characters!r}")
 
