@@ -84,8 +84,9 @@ def without_nuisances(antenna: Antenna) -> Antenna:
 def every_pair(measurement: Measurement) -> Estimate:
     """Average the contact distance over all pairs of image columns, as the paper reads.
 
-    Of the three candidates of a pair, (15), (19) and (20), that which meets its condition counts:
-    at most one does, and it is the root of the monotone ratio. (18) as printed is not a force.
+    A pair has three candidates, (15), (19) and (20), each with a condition. The one that meets its
+    condition counts: at most one does, and it is the root of the monotone ratio. (18) as printed is
+    not a force.
     """
     ahead = measurement.points[measurement.points[:, 0] > 0]
     x, y = ahead[np.argsort(ahead[:, 0], kind="stable")].T

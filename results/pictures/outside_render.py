@@ -25,7 +25,7 @@ _BOUNCES = 6
 _LEVEL = 0.40
 
 
-# A pixel of the picture is so many rendered ones wide.
+# Rendered pixels per pixel of the picture, in each direction. Chosen by eye.
 FINER = 3
 
 

@@ -1,6 +1,8 @@
 """Exceptions for unusable input, and short texts for messages about errors."""
 
+import difflib
 import traceback
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -63,6 +65,13 @@ def truncated(text: str) -> str:
     """Put a text on one line, and truncate a long text."""
     line = " ".join(text[: 2 * LONGEST_SHOWN].split())
     return line if len(text) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]}..."
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Suggest the known name that is meant by an unknown one, or list the known ones."""
+    names = list(dict.fromkeys(known))
+    similar = difflib.get_close_matches(truncated(name), names, n=1, cutoff=0.7)
+    return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(names)}"
 
 
 def described(error: BaseException) -> str:

@@ -50,7 +50,7 @@ def in_words(parameter: Any) -> Any:
 
 
 def _default(parameter: Any) -> str:
-    """Return the default of a parameter in words, "" if it has none to be told."""
+    """Return the default of a parameter in words, "" if it has none."""
     if isinstance(parameter.show_default, str):
         return parameter.show_default
     match parameter.default:

@@ -89,7 +89,7 @@ def compare(load: KnownLoad, estimate: Estimate, rig: Rig) -> list[Comparison]:
 
 
 class Score(NamedTuple):
-    """Score of one quantity of one kind of load.
+    """Errors of one quantity, such as the force, in all loads of a kind.
 
     `n_loads` loads were compared. `error_pct` is the median error, of the known value for a force
     and of the beam's length for a place; `known_pct` is what balance or ruler leave of it, the

@@ -1,6 +1,5 @@
 """Solving of a dataset with methods, and scoring of their estimates."""
 
-import difflib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -10,7 +9,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError, quoted, suggestion
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from vbaa_bench.api.data import AnyDataset, dataset_folder
@@ -59,7 +58,7 @@ class AccuracyTable:
     def of(self, methods: Sequence[str]) -> "AccuracyTable":
         """Return the table with these methods only, and the limits. Raises InputError."""
         known = [str(row["method"]) for row in self.rows]
-        check_names("method", methods, known)
+        _check_names("method", methods, known)
         kept = [row for row in self.rows if row["method"] in methods or not row["outcomes"]]
         return replace(self, rows=kept)
 
@@ -82,22 +81,16 @@ class AccuracyTable:
         figures = [
             name for name, value in self.rows[0].items() if not isinstance(value, dict | str)
         ]
-        check_names("column", columns, figures)
+        _check_names("column", columns, figures)
         chosen = columns or (BRIEF if brief else None)
         return FORMATS[form](self.rows, Shown(self.by, chosen, bold))
 
 
-def check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
+def _check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
     """Raise InputError for the first name that is not known."""
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = (
-                f"did you mean {near[0]}?"
-                if near
-                else f"known are {', '.join(dict.fromkeys(known))}"
-            )
-            raise InputError(f"{what} {quoted(name)} is unknown; {hint}")
+            raise InputError(f"{what} {quoted(name)} is unknown; {suggestion(name, known)}")
 
 
 def table(datasets: Sequence[AnyDataset] | AnyDataset, by: str | None = None) -> AccuracyTable:

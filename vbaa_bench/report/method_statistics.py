@@ -23,8 +23,7 @@ from vbaa_bench.scoring.statistics import REPORT_TABLE, REPORTED
 class MethodStatistics:
     """Statistics `REPORTED` of one method; errors of x_c in % of L. None: no frame counts.
 
-    `median_95` and `ms_95` are intervals over pushes. `information` is the method's information
-    set, `efficiency` the share of its information that the method uses. `figures` are the
+    `median_95` and `ms_95` are intervals over pushes. `figures` are the
     statistics `REPORT_TABLE` by name. `median_draws` and `time_draws` (draws,) are the medians of
     the error and of the time over that of the reference kernel, in draws that all methods share;
     times are NaN where `solve` did not measure them, and both with too few pushes to compare.
@@ -39,7 +38,6 @@ class MethodStatistics:
     false_contacts: int
     median: float | None
     ms: float | None
-    information: str | None
     median_95: Interval | None
     ms_95: Interval | None
     figures: Mapping[str, float | None]
@@ -61,7 +59,6 @@ def with_groups(scores: pl.DataFrame) -> pl.DataFrame:
 def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
     """Compute the statistics of every method in `rows`, scores with `group` and limits."""
     figures = {name: one.expression for name, one in (REPORTED | REPORT_TABLE).items()}
-    figures["information"] = pl.col("information").first()
     timed = {"processor_ms", "reference_ms"} <= set(rows.columns)  # not in older versions
     columns = ("processor_ms", "reference_ms") if timed else ()
     names, groups = np.unique(rows["group"].to_numpy(), return_inverse=True)
@@ -77,7 +74,7 @@ def method_statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
         medians = statistic_draws(REPORTED["median"], part, of_push, counts)
         times = statistic_draws(TIME_OVER_REFERENCE, part, of_push, counts) if timed else without
         methods[name] = MethodStatistics(
-            **{figure: row[figure] for figure in ("method", *REPORTED, "information")},
+            **{figure: row[figure] for figure in ("method", *REPORTED)},
             median_95=interval(medians),
             ms_95=median_interval(part["image_ms"], of_push),
             figures={figure: row[figure] for figure in REPORT_TABLE},

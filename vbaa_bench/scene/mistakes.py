@@ -1,6 +1,5 @@
 """Sentences for the mistakes in a scene, each with file, line, column and key."""
 
-import difflib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -8,7 +7,7 @@ from typing import Any, Final
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from solver.instrument.errors import quoted, truncated
+from solver.instrument.errors import quoted, suggestion, truncated
 from vbaa_bench.scene.families import family_of, kind_of, sections
 from vbaa_bench.scene.part import KeyPath
 from vbaa_bench.scene.random_keys import DistributionError
@@ -128,8 +127,7 @@ def _hint(key: Sequence[str | int], location: Sequence[str | int], model: type[B
         name for name in _models(location[:-1], model)[0].model_fields if name != "random_keys"
     ]
     known += CLEARER.get(section, {})
-    similar = difflib.get_close_matches(truncated(name), known, n=1, cutoff=0.7)
-    return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
+    return suggestion(name, known)
 
 
 def _key_in_file(document: Any, location: Sequence[str | int], *, missing: bool) -> KeyPath:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, Final, NamedTuple
 
-from vbaa_bench.scoring.statistics import ADDED, SUMMARY, TABLE
+from vbaa_bench.scoring.statistics import ADDED, MEDIAN, P95, RMS, SUMMARY, TABLE
 
 Row = dict[str, Any]
 
@@ -64,11 +64,9 @@ _LATEX: Final = {
 }
 
 
-# Figures of which the smallest of a scene can be set in bold.
+# Typical errors and times, of which the smallest of a scene can be set in bold.
 _ERRORS: Final = {
-    name
-    for name in (*_COLUMNS, *SUMMARY)
-    if "rmse" in name.removesuffix("sigma_over_rmse") or "abs" in name or name.startswith("ms_")
+    name for name, one in (SUMMARY | TABLE).items() if one.reduction in (MEDIAN, P95, RMS)
 }
 
 

@@ -62,7 +62,11 @@ def test_methods_are_chosen_and_limits_stay() -> None:
 
 
 def test_unknown_names_are_refused() -> None:
-    with pytest.raises(InputError, match=r"column 'x_c_rms' is unknown; did you mean x_c_rmse_"):
-        TABLE_OF_THREE.text(columns=["x_c_rms"])
-    with pytest.raises(InputError, match="method 'forth' is unknown; did you mean first"):
-        TABLE_OF_THREE.of(["forth"])
+    with pytest.raises(
+        InputError, match=r"column 'x_c_rmse_pct' is unknown; did you mean x_c_rmse_pct_L"
+    ):
+        TABLE_OF_THREE.text(columns=["x_c_rmse_pct"])
+    with pytest.raises(InputError, match=r"column 'error' is unknown; known are x_c_rmse_pct_L, "):
+        TABLE_OF_THREE.text(columns=["error"])
+    with pytest.raises(InputError, match="method 'frist' is unknown; did you mean first"):
+        TABLE_OF_THREE.of(["frist"])
