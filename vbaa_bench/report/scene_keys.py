@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from vbaa_bench.scene.json_schema import scene_schema
 
 _HEAD: Final = """# Keys of a scene
@@ -88,12 +90,12 @@ def _default(value: Schema, required: bool) -> str:
 
 
 def _plain(value: Any) -> str:
-    """Write a value as in YAML."""
+    """Write a value as in YAML, which would read a number such as 1e-6 as a text."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list | tuple):
         return f"[{', '.join(_plain(one) for one in value)}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return np.format_float_positional(value, trim="-") if isinstance(value, float) else str(value)
 
 
 def _allowed(value: Schema, headings: Mapping[str, str]) -> str:
@@ -123,9 +125,9 @@ def _number(value: Schema, _headings: Mapping[str, str]) -> str:
     low, above = value.get("minimum"), value.get("exclusiveMinimum")
     high, below = value.get("maximum"), value.get("exclusiveMaximum")
     if low is not None and high is not None:
-        return f"{noun} from {low:g} to {high:g}"
+        return f"{noun} from {_plain(low)} to {_plain(high)}"
     ends = {"from": low, "above": above, "up to": high, "below": below}
-    stated = [f"{word} {end:g}" for word, end in ends.items() if end is not None]
+    stated = [f"{word} {_plain(end)}" for word, end in ends.items() if end is not None]
     return " ".join([noun, " and ".join(stated)]).strip()
 
 
