@@ -8,7 +8,7 @@ PYTEST := $(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-
 NARROW := VBAA_BENCH_VECTOR_WIDTH=4
 OLDEST := OPENBLAS_CORETYPE=Prescott NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR" NUMBA_CPU_NAME=x86-64
 
-.PHONY: demo test types tests ci docs narrow oldest seeds golden libraries lock dist clean
+.PHONY: demo test ci docs narrow oldest seeds golden libraries lock dist clean
 
 demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
@@ -16,18 +16,12 @@ demo: libraries
 test: libraries
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(MAKE) --no-print-directory --jobs=2 types tests
-
-# mypy uses one core: it runs beside the tests.
-types:
-	$(BIN)/mypy
-
-tests:
 	$(PYTEST) -m "not thorough"
 
-# What takes longer: many samples, all scenes, the laboratory; images with narrow vectors of the
-# renderer; estimates with the oldest kernels.
+# What takes longer: types; many samples, all scenes, the laboratory; images with narrow vectors of
+# the renderer; estimates with the oldest kernels.
 ci: libraries docs
+	$(BIN)/mypy
 	$(PYTEST) -m thorough
 	$(NARROW) $(PYTEST) -m "not thorough" tests/vbaa_bench/render tests/vbaa_bench/generation
 	$(OLDEST) $(PYTEST) -m "not thorough" tests/solver

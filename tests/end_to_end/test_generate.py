@@ -45,6 +45,7 @@ def quiet(_done: int, _total: int) -> None:
     pass
 
 
+@pytest.mark.thorough
 def test_two_workers_finish_an_interrupted_dataset_to_the_same_bytes(
     dataset: Path, small_scene: Path, variant: str, tmp_path: Path
 ) -> None:

@@ -80,6 +80,7 @@ def hidden(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Layo
     return layout, open_truth(layout.truth)
 
 
+@pytest.mark.thorough
 def test_a_sheet_hides_the_stretch_that_the_truth_says(hidden: tuple[Layout, Truth]) -> None:
     layout, truth = hidden
     for row in truth.frames.iter_rows(named=True):

@@ -214,6 +214,7 @@ def answers(observations: Path, antenna: Antenna | None = None) -> dict[str, Est
     }
 
 
+@pytest.mark.thorough
 def test_a_camera_of_16_bits_or_of_another_mounting_sees_the_same(
     dataset: Path, antenna: Antenna, tmp_path: Path
 ) -> None:

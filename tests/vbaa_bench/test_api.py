@@ -97,6 +97,7 @@ def test_no_module_takes_the_place_of_a_public_name(name: str) -> None:
     assert value is getattr(importlib.import_module(vb._MODULES[name]), name)
 
 
+@pytest.mark.thorough
 def test_a_frame_is_that_of_the_dataset(dataset: Path, small_scene: Path) -> None:
     frame = vb.render_frame(str(small_scene), 2)
     row = vb.Dataset(str(dataset)).truth.frames.row(named=True, index=_place(dataset, 2))

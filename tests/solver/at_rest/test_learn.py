@@ -38,6 +38,7 @@ def test_copies_of_an_image_count_once() -> None:
     assert (copied.rest.covariance == one.rest.covariance).all()
 
 
+@pytest.mark.thorough
 def test_a_touched_image_is_left_out() -> None:
     touched = image(drawn(GUIDE, bent(0.006, 0.9, TILT)), 3)
     learned = at_rest([rested(1), touched, rested(2)])

@@ -44,6 +44,7 @@ def lines(
     ]
 
 
+@pytest.mark.thorough
 def test_a_straight_beam_is_a_line_with_honest_covariance(random: np.random.Generator) -> None:
     errors = []
     for _ in range(350):

@@ -311,6 +311,7 @@ def test_the_mirrored_image_has_the_mirrored_beam(random: np.random.Generator) -
     assert np.abs(apart).max() < 0.02
 
 
+@pytest.mark.thorough
 def test_gain_and_offset_of_the_gray_values_change_nothing(random: np.random.Generator) -> None:
     light, pixels = pushed(0.25)
     image = SENSOR(light, random)

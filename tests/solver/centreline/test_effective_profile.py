@@ -81,6 +81,7 @@ def test_the_scale_of_the_gray_values_does_not_matter() -> None:
     assert other.table.value == pytest.approx(one.table.value, abs=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("theta", [0.05, 0.15, 0.3])
 def test_a_bent_steel_beam_is_measured_to_a_fortieth_of_a_pixel(theta: float) -> None:
     several, pixels = images(theta, 50, 4)

@@ -87,6 +87,7 @@ def test_a_thin_beam_on_felt_keeps_its_points() -> None:
     assert np.mean(larger) > 1
 
 
+@pytest.mark.thorough
 def test_the_section_is_learned_although_the_ground_looks_like_beam() -> None:
     section = learned().appearance.section
     # Width in the second moment: radius and spread are exchangeable in a thin beam.
@@ -120,6 +121,7 @@ def test_a_change_of_light_scales_the_ground() -> None:
         assert np.median(deviations) < 0.085
 
 
+@pytest.mark.thorough
 def test_a_ground_without_structure_is_not_learned() -> None:
     v, u = np.mgrid[:HEIGHT, :WIDTH]
     for ground in (np.full((HEIGHT, WIDTH), 0.1), 0.05 + 0.2 * v / HEIGHT + 0.1 * u / WIDTH):

@@ -66,6 +66,7 @@ def test_the_table_has_the_area_of_a_beam_crossed_aslant(section: Section) -> No
     assert np.abs(table.slope[0, :, 2:-2] - differences).max() < 0.02 * np.abs(table.slope).max()
 
 
+@pytest.mark.thorough
 def test_a_tapered_beam_has_the_table_of_each_width() -> None:
     section = Section(0.8, 0.4, 1.0, 0.1, -0.5)
     tables = profile(section, 200.0)

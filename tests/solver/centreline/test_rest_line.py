@@ -121,6 +121,7 @@ def test_a_line_beside_the_beam_is_measured(
     assert np.sign(line.second.contrast) == np.sign(contrast)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("contrast", [0.9, 1.0, 2.0])
 def test_the_ground_between_two_wires_is_no_beam(
     contrast: float, random: np.random.Generator
@@ -157,6 +158,7 @@ def test_a_shadow_that_is_too_near_is_named(contrast: float, random: np.random.G
         learn_appearance(images, seen_by)
 
 
+@pytest.mark.thorough
 def test_a_wire_beside_the_beam_does_not_move_it(random: np.random.Generator) -> None:
     """The wire begins where the pixels of the profile fit end."""
     light, seen_by = beside(9.0, 1.0, 2.0)

@@ -39,6 +39,7 @@ def normalised(line: Centreline, tip: Floats) -> float:
     return float(np.sqrt(off @ np.linalg.solve(line.tip_covariance, off)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("look", "roll", "theta"),
     [(BRIGHT, 0.0, 0.2), (DARK, 0.0, 0.15), (BRIGHT, UP, -0.2), (BRIGHT, DIAGONAL, 0.3)],
@@ -55,6 +56,7 @@ def test_the_tip_is_found_within_its_sigma(look: Look, roll: float, theta: float
         assert (beyond < 0).all()
 
 
+@pytest.mark.thorough
 def test_the_tip_follows_no_pixel_grid() -> None:
     off = []
     for part in np.linspace(0, 1, 8, endpoint=False):
@@ -67,6 +69,7 @@ def test_the_tip_follows_no_pixel_grid() -> None:
     assert abs(np.mean(off)) < 0.05
 
 
+@pytest.mark.thorough
 def test_the_tip_of_a_thick_beam_does_not_depend_on_its_climb(random: np.random.Generator) -> None:
     """Its flat end, cut aslant by the columns, is spread over many of them."""
     look = Look(radius_px=4.0)

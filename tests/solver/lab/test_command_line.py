@@ -125,6 +125,7 @@ def test_a_stream_is_json_and_nothing_else(
     assert command(*images[:1], "--rig", root, "--stream", *readings).status == 0
 
 
+@pytest.mark.thorough
 def test_a_video_in_and_a_video_out(command: CommandLine, root: Path, images: list[Path]) -> None:
     writer = cv2.VideoWriter("in.avi", cv2.VideoWriter.fourcc(*"FFV1"), 10, (512, 176))
     for path in images:

@@ -101,6 +101,7 @@ def test_a_sag_is_a_finding_unless_it_is_stated(antenna: Antenna, subtracted: bo
     assert finding.name == ("rest_images_bent" if subtracted else "pose_inconsistent")
 
 
+@pytest.mark.thorough
 def test_an_origin_far_from_the_beam_is_named(observations: Observations) -> None:
     wrong = replace(observations.rig, base_position=np.array([0.0, 0.04, 0.0]))
     with pytest.raises(InputError, match=r"the origin is wrong \(base\.position_mm"):

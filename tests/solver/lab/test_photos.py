@@ -60,6 +60,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.thorough
 def test_photographs_give_a_table_a_page_and_json(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -92,6 +92,7 @@ def learned() -> LearnedBeam:
     return learn_beam(pushes(), ObjectRadius(RADIUS, 1e-4))
 
 
+@pytest.mark.thorough
 def test_the_offset_is_learned_and_corrects_contacts_in_the_world() -> None:
     beam = learned()
     assert beam.offset is not None

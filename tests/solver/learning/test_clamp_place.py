@@ -88,6 +88,7 @@ def test_a_wire_gripped_deeper_is_distinguished_from_a_clamp_that_gives() -> Non
     assert "begins to bend 0.8" in summary(shallower, rig(), rig())
 
 
+@pytest.mark.thorough
 def test_what_pushes_do_not_distinguish_keeps_its_prior() -> None:
     both = stated_shape(0.0, 0.002, 0.0, 0.0, clamp_shift=1e-3 / BEAM.length)
     shape = learn_beam(pushes(SHIFT, both)).shape
@@ -104,6 +105,7 @@ def test_what_pushes_do_not_distinguish_keeps_its_prior() -> None:
     assert abs(place - SHIFT) < MOST_SIGMAS * sigma
 
 
+@pytest.mark.thorough
 def test_the_tip_stays_where_it_is(random: np.random.Generator) -> None:
     """A beam gripped deeper is as much shorter: the image of the tip keeps its plane at zero."""
     beam = bent(0.0, 0.7, 1.2)

@@ -54,6 +54,7 @@ def test_a_cone_is_learned_from_unknown_contacts() -> None:
     assert page(learned, rig(), rig()).count("<svg") == 2
 
 
+@pytest.mark.thorough
 def test_a_beam_that_was_learned_is_estimated_more_accurately(random: np.random.Generator) -> None:
     stated = stated_shape(0.1, 0.0, 0.0, 0.0)
     learned = learn_beam(pushes(-0.1, stated))

@@ -97,6 +97,7 @@ def test_one_known_force_gives_all_others(random: np.random.Generator) -> None:
     assert np.sqrt(np.mean(np.square(before))) > 0.03
 
 
+@pytest.mark.thorough
 def test_the_force_that_is_advised_determines_ei_as_predicted(random: np.random.Generator) -> None:
     advice = learned().next_force
     assert advice is not None

@@ -174,6 +174,7 @@ def test_recovers_a_noise_free_push(distance: float, ratio: float) -> None:
         assert answer.values[name] == pytest.approx(true, abs=most), name
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ratio", [1.0, math.inf])
 def test_its_covariance_is_honest(ratio: float, random: np.random.Generator) -> None:
     distance = 0.12
@@ -457,6 +458,7 @@ def test_its_sigmas_are_honest_whether_the_object_drags_or_not(
     assert 1.3 < np.mean(squares) < 7.6
 
 
+@pytest.mark.thorough
 def test_friction_that_is_not_considered_is_found_out_or_misplaces_the_contact(
     random: np.random.Generator,
 ) -> None:

@@ -39,6 +39,7 @@ def quiet() -> tuple[DrawnSet, PhotosAnswer]:
     return drawn, answered(drawn)
 
 
+@pytest.mark.thorough
 def test_photographs_with_little_noise_give_the_loads_and_ei(
     quiet: tuple[DrawnSet, PhotosAnswer],
 ) -> None:
@@ -57,6 +58,7 @@ def test_photographs_with_little_noise_give_the_loads_and_ei(
     assert np.abs(pulls(drawn, answer)).max() < 3.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "spec",
     [

@@ -75,6 +75,7 @@ def test_the_middle_of_the_edges_counts_and_not_the_brightest_line() -> None:
     assert np.median(beam.widths) == pytest.approx(20, abs=0.2)
 
 
+@pytest.mark.thorough
 def test_a_straight_edge_beside_the_beam_is_not_the_beam() -> None:
     for distance in (-25.0, 16.0, 30.0):
         photo, beam = drawn(10, Look(edge_px=distance), 5, bend=0.0)

@@ -87,6 +87,7 @@ def clear_leaks(tests: list[LeakTest]) -> set[str]:
     return {test.feature for test in tests if test.r_squared > max(test.chance, 0.0) + 0.2}
 
 
+@pytest.mark.thorough
 def test_order_and_names_of_a_random_scene_do_not_leak(clean: list[LeakFrame]) -> None:
     tests = leak_tests(clean)
     assert [test.feature for test in tests] == [ORDER, "frame_id", "push_id", ENCODER]

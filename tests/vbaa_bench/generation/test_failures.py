@@ -92,6 +92,7 @@ def poisoned(root: Path, *images: str) -> MissingFiles:
     return MissingFiles(layout, contents, Inventory(), Deaths())
 
 
+@pytest.mark.thorough
 def test_a_frame_at_which_processes_die_costs_itself_alone(tmp_path: Path) -> None:
     missing, counts = poisoned(tmp_path), list[int]()
     with Pool(2, PoisonedWorker, (tmp_path,)) as pool:

@@ -72,6 +72,7 @@ def power(renderer: FrameRenderer, stream: str, number: int) -> Floats:
     return np.asarray(1 + shrunk * np.cos(2 * np.pi * 100 * times + phase))
 
 
+@pytest.mark.thorough
 def test_flicker_scales_the_rows_of_each_frame(laboratory: Laboratory) -> None:
     sensor = "sensor: {exposure_s: 0.002, line_time_us: 100}\n"
     steady, renderer = laboratory.renderer(sensor), laboratory.renderer(sensor + FLICKER)
@@ -86,6 +87,7 @@ def test_flicker_scales_the_rows_of_each_frame(laboratory: Laboratory) -> None:
         assert one.coverage == pytest.approx(other.coverage, abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_rest_and_board_images_flicker_too(laboratory: Laboratory) -> None:
     steady, flickering = (
         laboratory.renderer("sensor: {exposure_s: 0.001}\n" + keys) for keys in ("", FLICKER)
@@ -103,6 +105,7 @@ def test_rest_and_board_images_flicker_too(laboratory: Laboratory) -> None:
         assert after[clear].mean() == pytest.approx(gain * before[clear].mean(), rel=0.01)
 
 
+@pytest.mark.thorough
 def test_a_level_scales_frames_but_not_the_beam_at_rest(laboratory: Laboratory) -> None:
     plain, darker = (laboratory.renderer(keys) for keys in ("", "light_level: 0.25\n"))
     bright, dark = rendered(plain, 0).radiance, rendered(darker, 0).radiance

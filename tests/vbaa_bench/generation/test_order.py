@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from vbaa_bench.assembly.plan import plan
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
@@ -11,6 +12,7 @@ from vbaa_bench.scene.load import load_scene
 EXPOSURE = 2e4
 
 
+@pytest.mark.thorough
 def test_a_frame_after_a_rest_image_is_the_same(small_scene: Path, variant: str) -> None:
     file = load_scene(small_scene)
     planned = plan(file)

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.scene.frames import frame_specs
@@ -26,6 +28,7 @@ def rows() -> str:
     return json.dumps(made)
 
 
+@pytest.mark.thorough
 def test_planar_truth_is_the_same_on_every_type_of_processor() -> None:
     # The oldest type runs on every x86-64; elsewhere the name is unknown and changes nothing.
     code = "from tests.vbaa_bench.generation.test_truth_row import rows; print(rows())"

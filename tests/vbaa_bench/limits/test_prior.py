@@ -83,6 +83,7 @@ def test_a_tolerance_raises_the_limits_of_one_image_and_of_a_push(
     assert list(PushLimits(both).limits())[1][X_C] < image[X_C]
 
 
+@pytest.mark.thorough
 def test_an_uncertain_section_is_an_uncertain_rigidity() -> None:
     """With a section of sigma s in an unknown direction, EI has the sigma s sqrt(3/2)."""
     frame = stated(aspect_ratio_pct=4.0)
@@ -92,6 +93,7 @@ def test_an_uncertain_section_is_an_uncertain_rigidity() -> None:
     assert added == pytest.approx(0.04 * np.sqrt(1.5), rel=0.02)
 
 
+@pytest.mark.thorough
 def test_an_unknown_taper_is_the_limit_of_a_large_tolerance() -> None:
     pushes = {"contact_distance_mm": [140], "deflection_pct": [20]}
     (unknown,) = push(beam={"tip_ratio": 0.99}, pushes=pushes)

@@ -48,6 +48,7 @@ def test_the_step_is_fine_enough(half_width: float, monkeypatch: pytest.MonkeyPa
     np.testing.assert_allclose(coarse.diagonal(), fine.diagonal(), rtol=1e-3)
 
 
+@pytest.mark.thorough
 def test_the_most_likely_shift_of_noisy_exposures_reaches_the_limit(
     random: np.random.Generator,
 ) -> None:

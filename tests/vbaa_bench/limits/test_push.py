@@ -72,6 +72,7 @@ def test_a_second_image_reduces_all_limits_and_shows_the_stiffness() -> None:
     assert np.isfinite(together[-1])
 
 
+@pytest.mark.thorough
 def test_a_second_contact_has_limits_that_decrease_with_its_load() -> None:
     single = dict(paper_push()[0].by_set())["planar"]
     assert np.isnan(single[-2:]).all()

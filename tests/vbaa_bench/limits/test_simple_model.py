@@ -60,6 +60,7 @@ def nearest(frame: FrameLimits) -> Floats:
     return np.asarray(least_squares(residuals, [first.s / 0.1, first.normal_force], xtol=1e-12).x)
 
 
+@pytest.mark.thorough
 def test_its_bias_under_friction_is_that_of_an_independent_fit() -> None:
     frame = push(object=PEG, tolerances=TIGHT)[1]
     fit = SimpleFit(frame, planar=True)
@@ -73,6 +74,7 @@ def test_its_bias_under_friction_is_that_of_an_independent_fit() -> None:
     assert abs(bias[2]) > 0.005 * size
 
 
+@pytest.mark.thorough
 def test_a_taper_biases_the_contact_by_millimetres() -> None:
     frame = push(beam={"tip_ratio": 0.8})[1]
     fit = SimpleFit(frame, planar=True)

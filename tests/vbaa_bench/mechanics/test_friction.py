@@ -35,6 +35,7 @@ def test_without_friction_the_way_back_is_the_way_there() -> None:
         assert back.centreline == pytest.approx(there.centreline, abs=1e-10 * BEAM.length)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_friction_resists_on_the_way_there_and_on_the_way_back(friction: float) -> None:
     states = there_and_back(friction)
@@ -140,6 +141,7 @@ def test_a_beam_turns_on_its_thickness_before_it_slides_towards_the_clamp(stride
             assert drag(state) == pytest.approx(math.copysign(0.8, angle - turn), rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_beam_stays_on_its_side_of_a_peg() -> None:
     peg = obstacle(BEAM, 0.113, upright(0.01), friction=0.8)
     degrees = (1.56, 20.16, 19.16, 14.12, 9.07, 4.03)

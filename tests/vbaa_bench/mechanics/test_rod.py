@@ -289,6 +289,7 @@ def test_the_motor_does_the_work_of_bending_a_whisker(tip_ratio: float, bow: flo
     assert imbalance(middle, np.zeros(3)) < 1e-8
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("tip_ratio", "bow", "x_0", "deflection"),
     [

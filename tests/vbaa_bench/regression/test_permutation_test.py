@@ -41,6 +41,7 @@ def test_a_whole_table_of_correlated_heavy_tails_rarely_alarms(
     assert alarms(tables) <= MOST
 
 
+@pytest.mark.thorough
 @RARELY
 def test_what_all_pushes_share_is_no_alarm_if_it_is_stated(random: np.random.Generator) -> None:
     shared, cells = 0.5, 6

@@ -139,6 +139,7 @@ def test_the_same_seed_gives_the_same_bits_whatever_came_before(
     assert (render_frame(world, ground, TARGET, scene_seed(6)).radiance != one.radiance).any()
 
 
+@pytest.mark.thorough
 def test_layers_traced_where_surfaces_move_equal_those_of_the_whole_image(
     assembler: SceneAssembler, world: World, poses: list[Pose], ground: StaticLayer
 ) -> None:
@@ -149,6 +150,7 @@ def test_layers_traced_where_surfaces_move_equal_those_of_the_whole_image(
         assert (getattr(found, layer) == getattr(whole, layer)).all(), layer
 
 
+@pytest.mark.thorough
 def test_the_noise_near_the_beam_reaches_its_target(world: World, ground: StaticLayer) -> None:
     if is_scalar():
         pytest.skip("without wavefronts every pixel gets the same samples")

@@ -67,6 +67,7 @@ def radiance(world: World) -> Floats:
     )
 
 
+@pytest.mark.thorough
 def test_a_texture_follows_the_arc_length(variant: str) -> None:
     activate(variant, 2)
     if is_scalar():

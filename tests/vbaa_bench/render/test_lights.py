@@ -108,6 +108,7 @@ def test_ambient_light_adds_its_irradiance(kind: str | None) -> None:
     assert below >= 0.85 * (both - lamp)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", FROM)
 def test_a_rig_ten_thousand_times_smaller_is_lit_the_same(kind: str) -> None:
     # Beside the aim, where distances count.

@@ -77,6 +77,7 @@ def spread(image: Floats) -> Floats:
     return np.array(found)
 
 
+@pytest.mark.thorough
 def test_a_point_spreads_as_a_gaussian() -> None:
     point, side = np.array([[0.12, 0.0, 0.0]]), 3e-3
     sharp, wide = (

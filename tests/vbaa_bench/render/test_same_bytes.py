@@ -49,6 +49,7 @@ def width(variant: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.Monk
     activate(FAST, 1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("quantity", ["whole", "still", "change"])
 def test_a_pixel_does_not_depend_on_the_others(
     quantity: Quantity, small_scene: Path, variant: str, random: np.random.Generator
@@ -87,6 +88,7 @@ def test_neighbours_and_seeds_have_independent_numbers(small_scene: Path, varian
         assert abs((one * other).mean() - expected) * np.sqrt(one.size) < MOST_SIGMAS
 
 
+@pytest.mark.thorough
 def test_the_width_of_vectors_changes_few_pixels(
     small_scene: Path, width: pytest.MonkeyPatch
 ) -> None:

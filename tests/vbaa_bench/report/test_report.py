@@ -25,6 +25,7 @@ def results(dataset: Path, tmp_path: Path) -> Results:
     return Results(tmp_path / "small")
 
 
+@pytest.mark.thorough
 def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
     results: Results, tmp_path: Path
 ) -> None:

@@ -37,6 +37,7 @@ def one(true: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
     return scored([true], [answer]).row(0, named=True)
 
 
+@pytest.mark.thorough
 @pytest.mark.false_alarm(0.0, "the values are bounded, whatever is drawn")
 @given(st.floats(-180, 180), st.floats(-180, 180))
 def test_the_error_of_an_angle_is_the_shorter_way_round(true: float, stated: float) -> None:

@@ -82,6 +82,7 @@ def test_a_video_without_pyav_is_refused(
         mp4(viewed, lambda _done: None)
 
 
+@pytest.mark.thorough
 def test_a_contact_sheet_has_a_tile_per_frame(viewed: ViewedDataset, predicted: Path) -> None:
     sheets = [
         cv2.imdecode(np.frombuffer(contact_sheet(data, lambda _done: None), np.uint8), 1)

@@ -51,6 +51,7 @@ def test_a_frame_at_which_workers_of_a_cluster_die_costs_itself_alone(
     assert not missing.layout.all_aside()
 
 
+@pytest.mark.thorough
 def test_a_worker_of_another_version_is_refused(
     address: ClusterAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -62,6 +63,7 @@ def test_a_worker_of_another_version_is_refused(
         list(pool.outcomes(deque([Job("image", ("rest/rest_00.png", 1.0))]), lambda _done: None))
 
 
+@pytest.mark.thorough
 def test_workers_of_a_cluster_get_users_modules(
     address: ClusterAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

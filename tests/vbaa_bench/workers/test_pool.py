@@ -142,6 +142,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.thorough
 def test_workers_end_with_a_parent_that_was_killed() -> None:
     # The pipe's other end is the workers' too: it is at its end when all of them are.
     done = subprocess.run(
@@ -164,6 +165,7 @@ with Pool(1, Resident, ()) as pool:
 """
 
 
+@pytest.mark.thorough
 def test_workers_start_from_a_plain_script_and_do_not_run_it_again(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT, encoding="utf-8")

@@ -83,6 +83,7 @@ def wait_until(condition: Any) -> None:
     assert condition()
 
 
+@pytest.mark.thorough
 def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
