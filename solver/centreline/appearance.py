@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,7 +24,7 @@ from solver.centreline.rest_columns import RestColumns, Shape, check_count
 from solver.centreline.rest_line import find_rest_line
 from solver.centreline.second_line import SecondLine
 from solver.centreline.section_on_ground import section_on_ground
-from solver.centreline.section_search import find_section
+from solver.centreline.section_search import find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
@@ -48,7 +49,8 @@ class Appearance:
     either side are fitted. `radius` [px] is that of the rig for a round beam: the section's follows
     the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
     ground without structure. A profile that `is_sampled` is that of the images, not that of the
-    section. `second_line` describes a line beside the beam, "" if there is none.
+    section; one that is `in_part` was seen at some places between the pixels only. `second_line`
+    describes a line beside the beam, "" if there is none.
     """
 
     polarity: int
@@ -65,6 +67,7 @@ class Appearance:
     full_scale: int
     ground_at_rest: Ground | None = None
     is_sampled: bool = False
+    in_part: bool = False
     second_line: str = ""
 
     @property
@@ -123,22 +126,23 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     second_line = "" if line.second is None else _sentence(line.second, guide)
     clear = math.inf if line.second is None else line.second.clear_px
     needed = math.ceil(guide.radius_px + FIRST_REACH_PX) + 1
-    if clear < needed:
-        raise InputError(
-            f"{second_line}; it begins {clear:.1f} px from the beam's axis, needed are {needed}"
-        )
-    rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale, clear)
+    apart = max(clear, needed)
+    rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale, apart)
     reach = guide.radius_px + FIRST_REACH_PX
     ground = learn_ground(images, beam, reach, noise, int(reach + 0.5) + MARGIN)
     if ground is not None:
+        # A nearer line is a part of the ground. What is left moves the beam alike at rest and bent.
         look = _look_before(rest, ground, beam, stated)
+    elif clear < needed:
+        raise InputError(
+            f"{second_line}; it begins {clear:.1f} px from the beam's axis, needed are {needed}"
+        )
     else:
         sampled, table = _sampled(rest), None
         if sampled is not None:
             path = _moved(path, places, places.sense * sampled.off_path)
             rest = replace(rest, places=stations(path, mean.shape))
-            # A beam along a row of pixels samples its profile at one place between them only.
-            table = sampled.table if np.ptp(rest.places.start) > 1 else None
+            table = None if rest.in_part else sampled.table
         look = _look(rest, table, stated)
     x, y = guide.places(path).T
     slope = float(np.polyfit(x, y, 1)[0])
@@ -194,7 +198,7 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
     Where the section leaves more than noise, the `sampled` profile may take its place. `radius`
     [px] is the rig's, None for a flat strip.
     """
-    shape = _described(rest)
+    shape, *others = _described(rest) or [None]
     if sampled is not None and (shape is None or shape.misfit > LIMITS.max_section_misfit):
         other = rest.shape(_nominal(rest), sampled)
         if shape is None or other.course_sigma < shape.course_sigma:
@@ -204,6 +208,9 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
     fits, good = shape.fits, shape.good
     noise_variance = float(np.mean([f.sigma[good] ** 2 for f in fits])) / len(fits)
     amplitude = np.mean([f.amplitude for f in fits], axis=0)
+    # What is not known of the section moves all centres at rest alike.
+    unknown = [float(np.median(np.abs(shape.centre - other.centre)[good])) for other in others]
+    excess = max(shape.scatter**2 - noise_variance, 0.0)
     return Appearance(
         polarity=rest.polarity,
         noise=rest.noise,
@@ -213,24 +220,23 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
         amplitude=median_filter(amplitude[good], 21, mode="nearest"),
         length=rest.places.length[good],
         misfit=max(1.0, shape.misfit),
-        sigma_px=float(np.sqrt(max(shape.scatter**2 - noise_variance, 0.0))),
+        sigma_px=math.hypot(math.sqrt(excess), *unknown),
         ground=float(np.median([np.median(f.background[good]) for f in fits])),
         half=rest.half_width(shape.section),
         radius=radius or shape.section.radius,
         full_scale=rest.full_scale,
         is_sampled=sampled is not None and shape.table is sampled,
+        in_part=rest.in_part,
     )
 
 
-def _described(rest: RestColumns) -> Shape | None:
-    """Describe the profile by a section; return None where no section shows the beam."""
-    section = find_section(rest)
-    if section is None:
-        return None
-    try:
-        return rest.shape(section, rest.table(section))
-    except InputError:
-        return None
+def _described(rest: RestColumns) -> list[Shape]:
+    """Describe the profile by sections, the best one first; none where none shows the beam."""
+    shapes = []
+    for section in find_sections(rest):
+        with suppress(InputError):
+            shapes.append(rest.shape(section, rest.table(section)))
+    return shapes
 
 
 def _look_before(

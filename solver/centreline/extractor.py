@@ -106,9 +106,16 @@ class BeamExtractor:
         if not len(places):
             return np.empty((0, 2))
         fits, at_rest = self._fit(image, places, ground)
+        appearance = self.appearance
         brightness, misfit, _, _ = self._compared(fits, at_rest)
         flags = flag_columns(
-            brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
+            brightness,
+            misfit,
+            fits.sigma,
+            fits.amplitude,
+            fits.amplitude_sigma,
+            fits.saturated,
+            appearance.in_part,
         )
         good = flags == 0
         along, centre = places.along[good], fits.centre[good]
@@ -185,7 +192,13 @@ class BeamExtractor:
         fits, at_rest = self._fit(image, places, ground)
         brightness, misfit, noise, sigma = self._compared(fits, at_rest)
         flags = flag_columns(
-            brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
+            brightness,
+            misfit,
+            fits.sigma,
+            fits.amplitude,
+            fits.amplitude_sigma,
+            fits.saturated,
+            appearance.in_part,
         )
         length_px = self.guide.length / self.guide.pixel
         tip = find_tip(flat, places, flags, fits, appearance)

@@ -32,15 +32,21 @@ def flag_columns(
     amplitude: Floats,
     amplitude_sigma: Floats,
     saturated: Any,
+    in_part: bool,
 ) -> Any:
     """Flag columns (n,) by their own fit and their neighbours; 0 if they look like the beam.
 
     `brightness` is relative to that at rest, `misfit` is the chi^2 per degree of freedom over its
-    typical value at rest; the other arguments are as in `Fits`.
+    typical value at rest; the other arguments are as in `Fits`. The profile was seen `in_part`
+    where it is known at some places between the pixels only.
     """
-    # A textured background raises the misfit of every column.
+    # A textured background raises the misfit of every column, and a profile that was seen in part
+    # that of the columns at other places between the pixels.
     plausible = misfit[(brightness > LIMITS.min_brightness) & (brightness < LIMITS.max_brightness)]
-    typical_misfit = max(median(plausible), 1.0) if len(plausible) > 0 else 1.0
+    typical_misfit = 1.0
+    if len(plausible) > 0:
+        typical = np.quantile(plausible, LIMITS.in_part_share) if in_part else median(plausible)
+        typical_misfit = max(typical, 1.0)
     flags = np.zeros(len(brightness), np.uint8)
     for i in range(len(brightness)):
         # On a textured background the amplitude must exceed a larger threshold.

@@ -32,6 +32,11 @@ class RestColumns:
     full_scale: int
     clear: float = math.inf
 
+    @property
+    def in_part(self) -> bool:
+        """Whether the images show the profile at some places between the pixels only."""
+        return bool(np.ptp(self.places.start) <= 1)
+
     def half_width(self, section: Section) -> int:
         """Return the pixels on either side that show the section, a margin, and no other line."""
         return int(min(half_width(section), self.clear))
@@ -71,20 +76,22 @@ class RestColumns:
         residual = (centre - self.smooth(centre, good))[good]
         scatter = 1.4826 * float(np.median(np.abs(residual)))
         misfit = float(np.median([f.chi2[good] / f.dof[good] for f in fits]))
-        return Shape(section, table, fits, good, scatter, misfit)
+        return Shape(section, table, fits, centre, good, scatter, misfit)
 
 
 @dataclass(frozen=True)
 class Shape:
     """A profile, its section, and its fits to the rest images.
 
-    `good` (n,) marks the columns that look like the beam, `scatter` [px] is that of their mean
-    centres about a smooth course, and `misfit` their median chi^2 per degree of freedom.
+    `centre` (n,) [px] are the mean centres along the path's normal, `good` (n,) marks the columns
+    that look like the beam, `scatter` [px] is that of their centres about a smooth course, and
+    `misfit` their median chi^2 per degree of freedom.
     """
 
     section: Section
     table: Profile
     fits: list[Fits]
+    centre: Floats
     good: Mask
     scatter: float
     misfit: float

@@ -46,6 +46,9 @@ class CentrelineThresholds(NamedTuple):
     # A column's chi^2 per degree of freedom, over the typical value at rest. Derived: with seven
     # degrees of freedom one column in 300 exceeds it.
     max_misfit: float = 3.0
+    # Share of the columns whose misfit is usual with a profile that was seen in part. Chosen: an
+    # object that disturbs more columns also changes their brightness.
+    in_part_share: float = 0.9
     # A column's amplitude, in its sigmas. Chosen, as for candidates.
     amplitude_sigmas: float = 5.0
     # Largest sigma [px] of a centre. Chosen: the profile fit moves a centre by few pixels.

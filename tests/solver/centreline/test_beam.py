@@ -178,6 +178,22 @@ def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(
     assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.014
 
 
+@pytest.mark.parametrize("offset_px", [0.0, 0.2, 0.9])
+def test_columns_that_a_beam_along_one_row_did_not_show_are_not_foreign(
+    offset_px: float, random: np.random.Generator
+) -> None:
+    """Its profile was seen at one place between the pixels: elsewhere it fits less well."""
+    thin = replace(BRIGHT, radius_px=0.78, spread_px=0.05, roundness=1.5)
+    at_rest, pushed_shape = (
+        bent(theta, tilt=2e-4, offset=offset_px * METRES_PER_PIXEL) for theta in (0.0, 0.25)
+    )
+    rest = drawn(guide(), at_rest, thin)
+    beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
+    line = seen(drawn(guide(), pushed_shape, thin), beam)
+    assert len(line.points) > 200
+    assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.1
+
+
 @pytest.mark.thorough
 def test_sixteen_bits_say_what_eight_do() -> None:
     deep = Sensor(bits=16)
