@@ -18,7 +18,7 @@ from typing import Final, Literal, NamedTuple
 
 from solver.instrument.csv_table import CsvRow, csv_rows
 from solver.instrument.errors import InputError, quoted
-from solver.instrument.hashes import read_bytes
+from solver.instrument.hashes import digest, read_bytes
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import image_files, image_head
 from solver.instrument.observation import Observations, frames_beside, open_rig
@@ -59,6 +59,21 @@ class Protocol:
     observations: Observations
     known: tuple[KnownLoad, ...]
     frames: dict[str, ImageFrame]
+
+    def digest(self) -> str:
+        """Compute the digest of the files that belong to the set, whatever its folder is called.
+
+        It is that of a list as `sha256sum` prints it. Raises InputError.
+        """
+        opened = self.observations
+        tables = [opened.root / "rig.json", opened.root / KNOWN]
+        if (readings := opened.root / "images" / "metadata.csv").is_file():
+            tables.append(readings)
+        images = [*opened.board_views, *opened.rest_images, *opened.ground_images]
+        images += image_files(opened.root / "ruler", "ruler_") + image_files(opened.root / "images")
+        named = {path.relative_to(opened.root).as_posix(): path for path in [*tables, *images]}
+        lines = [f"{digest(read_bytes(path))}  {name}\n" for name, path in sorted(named.items())]
+        return digest("".join(lines).encode())
 
 
 def read_known(folder: Path) -> tuple[list[KnownLoad], list[Finding]]:

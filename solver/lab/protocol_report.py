@@ -10,6 +10,7 @@ from solver.instrument.errors import InputError
 from solver.lab.findings import Finding, findings
 from solver.lab.protocol import check_protocol
 from solver.lab.protocol_score import (
+    USUAL_METHODS,
     Comparison,
     Score,
     compare,
@@ -54,20 +55,29 @@ class ProtocolReport:
                 one.load,
                 one.quantity,
                 f"{one.known:.4g} +- {one.known_sigma:.2g}",
-                f"{one.estimated:.4g} +- {one.estimated_sigma:.2g}",
-                f"{one.deviation:+.1f}",
+                f"{_text(one.estimated, '.4g')} +- {_text(one.estimated_sigma, '.2g')}",
+                _text(one.deviation, "+.1f"),
             )
-        summary = Table("load", "", "n", "median error [%]", "known to [%]", "RMS [sigma]")
+        summary = Table(
+            *("load", "", "n", "answered [%]", "median error [%]", "known to [%]"),
+            *("RMS [sigma]", "within 3 sigma [%]"),
+        )
         for score in self.scores:
             summary.add_row(
                 score.load,
                 score.quantity,
                 str(score.n_loads),
-                f"{score.error_pct:.2g}",
+                f"{score.answered_pct:.0f}",
+                _text(score.error_pct, ".2g"),
                 f"{score.known_pct:.2g}",
-                f"{score.rms_deviation:.2f}",
+                _text(score.rms_deviation, ".2f"),
+                _text(score.within_3_sigma_pct, ".0f"),
             )
         return loads, summary
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
 
 
 def protocol_report(folder: Path) -> ProtocolReport:
@@ -79,7 +89,11 @@ def protocol_report(folder: Path) -> ProtocolReport:
         antenna = set_up(protocol.observations)
     except InputError as error:
         return ProtocolReport((*missing, Finding("no_calibration", str(error))))
-    answers = list(solve_known(protocol, antenna))
+    answers = [
+        answer
+        for load, method in USUAL_METHODS.items()
+        for answer in solve_known(protocol, antenna, load, method)
+    ]
     comparisons = [one for answer in answers for one in compare(*answer, antenna.rig)]
     contradicted = (*findings(antenna), *mistakes(answers, comparisons))
     return ProtocolReport(

@@ -53,6 +53,13 @@ def checked_path(path: Path | None) -> Path | None:
     return path
 
 
+def checked_paths(paths: list[Path] | None) -> list[Path] | None:
+    """Reject an invalid file name before minutes of work. Raises InputError."""
+    for path in paths or []:
+        checked_path(path)
+    return paths
+
+
 def _named_scene(path: Path | None) -> Path | None:
     """Find the file of a scene; say which one, if it was named. Raises InputError."""
     if path is None:

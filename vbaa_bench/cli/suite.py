@@ -1,5 +1,7 @@
 """The command suite: run, verify, check and rank."""
 
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -8,13 +10,12 @@ import typer
 from solver.instrument.errors import InputError
 from solver.lab.help import Command, Group
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, Method, Variant, Workers, checked_path
+from vbaa_bench.cli.options import AsJson, Method, Variant, Workers, checked_path, checked_paths
 from vbaa_bench.report.console import (
     console,
+    late_bars,
     print_line,
     print_result,
-    progress_bar,
-    progress_bars,
     show_table,
 )
 
@@ -34,7 +35,18 @@ def run(
     track: Tracks = None,
     method: Method = None,
     submission: Annotated[
-        list[Path] | None, typer.Option(help="folder of a submission to run as well; repeatable")
+        list[Path] | None,
+        typer.Option(
+            callback=checked_paths, help="folder of a submission to run as well; repeatable"
+        ),
+    ] = None,
+    real: Annotated[
+        list[Path] | None,
+        typer.Option(
+            callback=checked_paths,
+            help="folder of real images with known loads to score (docs/protocol.md); without "
+            "--track, nothing else is run; repeatable",
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -52,7 +64,7 @@ def run(
     """Generate, solve and score the datasets of a suite. Run it again to continue.
 
     The information limits of all frames are computed as well. Datasets, limits and predictions
-    that exist are kept. The exit status is 1 if frames failed.
+    that exist are kept; real sets are solved again. The exit status is 1 if frames failed.
     """
     with importing():
         from vbaa_bench.suite.folder import create_folder
@@ -63,6 +75,7 @@ def run(
         tuple(track or ()),
         tuple(method or ()),
         tuple(submission or ()),
+        tuple(real or ()),
         fresh,
         workers,
         variant,
@@ -70,8 +83,8 @@ def run(
     made = []
     try:
         folder = create_folder(root, name)
-        with progress_bars() as bars:
-            on_limits = progress_bar(bars, "limits", hidden=True)
+        with ExitStack() as shown:
+            on_limits = partial(late_bars(shown, ("limits",)), "limits")
             for one in run_suite(folder, request, print_line, on_limits):
                 made.append(one)
                 print_line(f"{one.key}: {one.frames} frames, digest {one.digest}")
@@ -150,21 +163,23 @@ def check(
 
 @suite.command(cls=Command, epilog="Example: vbaa-bench suite leaderboard runs/suite_1.0rc1")
 def leaderboard(folder: SuiteFolderPath, as_json: AsJson = False) -> None:
-    """Rank all methods and submissions by track; write one HTML page and a CSV table.
+    """Rank all methods and submissions by track; write one HTML page and CSV tables.
 
     A rank is one more than the number of methods that are better by a paired bootstrap, so that
-    several can have rank 1.
+    several can have rank 1. On real sets, methods are compared with balance and ruler, not ranked.
     """
     with importing():
+        from vbaa_bench.report.numbers import short
         from vbaa_bench.suite.figures import ERROR, FIGURES
         from vbaa_bench.suite.folder import open_folder
         from vbaa_bench.suite.leaderboard import leaderboard as rank
-        from vbaa_bench.suite.page import value_text, write_leaderboard
+        from vbaa_bench.suite.page import QUANTITIES, value_text, write_leaderboard
+        from vbaa_bench.suite.real import scored_sets
 
     opened = open_folder(folder)
     with console.status("resampling"):
-        tables = rank(opened)
-        page = write_leaderboard(opened, tables)
+        tables, sets = rank(opened), scored_sets(opened)
+        page = write_leaderboard(opened, tables, sets)
     if not as_json:
         for table in tables:
             rows = [
@@ -180,8 +195,29 @@ def leaderboard(folder: SuiteFolderPath, as_json: AsJson = False) -> None:
                 ("method", "rank", FIGURES[ERROR].heading),
                 rows,
             )
+        for one in sets:
+            show_table(
+                f"real set {one.name}",
+                ("method", "load", "error of", "answered", "median", "known to", "RMS, sigmas"),
+                [
+                    (
+                        method,
+                        score.load,
+                        QUANTITIES[score.quantity],
+                        f"{short(score.answered_pct)} %",
+                        short(score.error_pct),
+                        short(score.known_pct),
+                        short(score.rms_deviation),
+                    )
+                    for method, score in one.scores
+                ],
+            )
     record = {
         "page": str(page),
         "tracks": {table.name: table.sentence() for table in tables},
+        "real": {
+            one.name: [{"method": method, **score._asdict()} for method, score in one.scores]
+            for one in sets
+        },
     }
     print_result(record, f"page: {page}", as_json)

@@ -5,7 +5,8 @@ FOLDER/
   tracks/<track>/<dataset>/    datasets and collections, with their predictions and scores
   fresh/<track>/<dataset>/     the same scenes with the fresh seed, for submissions with code
   submissions/<name>.yaml      method.yaml of every submission that was run
-  leaderboard.html, .csv       see leaderboard.py
+  real/<set>.json              scores on a real set, see real.py
+  leaderboard.html, .csv       see page.py; real.csv if there are real sets
 """
 
 import json
@@ -53,6 +54,11 @@ class SuiteFolder:
     def submissions(self) -> Path:
         """The folder of the submissions that were run."""
         return self.root / "submissions"
+
+    @property
+    def real(self) -> Path:
+        """The folder of the scores on real sets."""
+        return self.root / "real"
 
     def entries_made(self) -> list[Entry]:
         """List the datasets of the suite that are in the folder, complete or not."""

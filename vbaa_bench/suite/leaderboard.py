@@ -22,6 +22,7 @@ from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.suite.figures import ERROR, FIGURES, TIME
 from vbaa_bench.suite.folder import SuiteFolder, frames_of, rigs_of
+from vbaa_bench.suite.real import scored_sets
 from vbaa_bench.suite.specification import Entry
 from vbaa_bench.suite.submission import Submission
 
@@ -102,7 +103,10 @@ class _Scored(NamedTuple):
 
 
 def leaderboard(folder: SuiteFolder) -> list[TrackTable]:
-    """Compute the tables of all tracks that have a scored dataset. Raises InputError."""
+    """Compute the tables of all tracks that have a scored dataset.
+
+    Raises InputError if there is neither one nor a scored real set.
+    """
     submissions = {one.run_name: one for one in _submissions(folder)}
     tables = []
     for name in folder.suite.content.tracks:
@@ -119,7 +123,7 @@ def leaderboard(folder: SuiteFolder) -> list[TrackTable]:
                 if (scores := _scored(folder.results(entry, fresh=True), entry)) is not None
             }
             tables.append(_table(folder, name, scored, fresh, submissions))
-    if not tables:
+    if not tables and not scored_sets(folder):
         raise InputError(f"{folder.root}: holds no scored dataset of the suite; run it first")
     return tables
 

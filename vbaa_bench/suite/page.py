@@ -1,4 +1,4 @@
-"""The leaderboard as one HTML page that needs no network, and as a CSV table."""
+"""The leaderboard as one HTML page that needs no network, and as CSV tables."""
 
 import csv
 import io
@@ -7,29 +7,46 @@ from pathlib import Path
 from typing import Final
 
 from solver.instrument.files import write_text
+from solver.lab.protocol_score import Score
 from vbaa_bench.dataset.lock import writing
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.template import template
 from vbaa_bench.suite.figures import ERROR, FIGURES
 from vbaa_bench.suite.folder import SuiteFolder
 from vbaa_bench.suite.leaderboard import Place, TrackTable, Value
+from vbaa_bench.suite.real import ScoredSet
 
 PAGE: Final = "leaderboard.html"
 TABLE: Final = "leaderboard.csv"
+REAL_TABLE: Final = "real.csv"
+# Names of the quantities of real sets, with the units of their errors.
+QUANTITIES: Final = {
+    "x_c_mm": "x_c, % of L",
+    "s_c_mm": "s_c, % of L",
+    "force_n": "force, % of the value",
+}
 
 
-def write_leaderboard(folder: SuiteFolder, tables: Sequence[TrackTable]) -> Path:
-    """Write the page and the table into the folder; return the path of the page.
+def write_leaderboard(
+    folder: SuiteFolder, tables: Sequence[TrackTable], sets: Sequence[ScoredSet]
+) -> Path:
+    """Write the page and the tables into the folder; return the path of the page.
 
-    Raises InputError.
+    The table of real sets is removed if there are none. Raises InputError.
     """
     with writing(folder.root):
         write_text(folder.root / TABLE, leaderboard_csv(folder, tables))
-        write_text(folder.root / PAGE, leaderboard_page(folder, tables))
+        if sets:
+            write_text(folder.root / REAL_TABLE, real_csv(sets))
+        else:
+            (folder.root / REAL_TABLE).unlink(missing_ok=True)
+        write_text(folder.root / PAGE, leaderboard_page(folder, tables, sets))
     return folder.root / PAGE
 
 
-def leaderboard_page(folder: SuiteFolder, tables: Sequence[TrackTable]) -> str:
+def leaderboard_page(
+    folder: SuiteFolder, tables: Sequence[TrackTable], sets: Sequence[ScoredSet]
+) -> str:
     """Write the page."""
     suite = folder.suite.content
     submissions = {
@@ -48,6 +65,8 @@ def leaderboard_page(folder: SuiteFolder, tables: Sequence[TrackTable]) -> str:
             if isinstance(value, str)
         },
         tables=tables,
+        sets=sets,
+        quantities=QUANTITIES,
         figures={name: FIGURES[name] for name in suite.metrics},
         submissions=submissions,
         fresh=fresh,
@@ -68,6 +87,17 @@ def leaderboard_csv(folder: SuiteFolder, tables: Sequence[TrackTable]) -> str:
     for table in tables:
         for place in table.places:
             writer.writerow(_cells(table, place, metrics))
+    return stream.getvalue()
+
+
+def real_csv(sets: Sequence[ScoredSet]) -> str:
+    """Write one row per set, load, quantity and method, with all figures in full precision."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["set", "sha256", "method", *Score._fields])
+    for one in sets:
+        for method, score in one.scores:
+            writer.writerow([one.name, one.sha256, method, *score])
     return stream.getvalue()
 
 

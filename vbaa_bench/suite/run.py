@@ -1,14 +1,15 @@
 """Run a suite: generate its datasets, compute limits, solve and score; resumed where it ended."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.observation import open_observations
-from solver.methods import METHODS
+from solver.methods import METHODS, Method
 from solver.methods.by_name import find_method
 from vbaa_bench.api import data, results
 from vbaa_bench.dataset.collection import count_frames
@@ -21,6 +22,7 @@ from vbaa_bench.scoring.isolation.runs import applicable
 from vbaa_bench.scoring.predictions import parsed, read_file
 from vbaa_bench.scoring.results_layout import Results, run_name
 from vbaa_bench.suite.folder import SuiteFolder, frames_of, rigs_of
+from vbaa_bench.suite.real import open_set
 from vbaa_bench.suite.specification import Entry, load_suite
 from vbaa_bench.suite.submission import METHOD_FILE, Submission, read_submission
 
@@ -28,21 +30,23 @@ _ALL_METHODS: Final = "all"
 
 
 class Request(NamedTuple):
-    """What to run: tracks, methods and folders of submissions, and whether on fresh datasets too.
+    """What to run; `submissions` and `real` are folders.
 
-    Without tracks it is all of them, without methods all that a dataset has readings for.
+    Without tracks it is all of them, or none with real sets; without methods it is all that a
+    dataset has readings for. With `fresh`, submissions with code run on fresh datasets, too.
     """
 
     tracks: tuple[str, ...] = ()
     methods: tuple[str, ...] = ()
     submissions: tuple[Path, ...] = ()
+    real: tuple[Path, ...] = ()
     fresh: bool = True
     workers: int | None = None
     variant: str | None = None
 
 
 class DatasetRun(NamedTuple):
-    """A dataset that was run: its name in the suite, folder, numbers of frames, and digest."""
+    """A dataset or a real set that was run: name in the suite, folder, number of frames, digest."""
 
     key: str
     root: Path
@@ -66,9 +70,10 @@ def run_suite(
 ) -> Iterator[DatasetRun]:
     """Run the datasets of a suite, one after another; yield each when it is scored.
 
-    What is complete is kept: frames, limits, and predictions of methods. `on_line` receives
-    remarks. With `fresh`, submissions with code are also run on datasets with the folder's fresh
-    seed. Raises InputError, for a submission or a method before anything is generated.
+    What is complete is kept: frames, limits, and predictions of methods; real sets, which come
+    first, are solved again. `on_line` receives remarks. With `fresh`, submissions with code are
+    also run on datasets with the folder's fresh seed. Raises InputError, for a submission, a method
+    or a real set before anything is generated.
     """
     submissions = [(path, read_submission(path)) for path in request.submissions]
     for path, submission in submissions:
@@ -77,10 +82,11 @@ def run_suite(
                 f"{path / METHOD_FILE}: suite is {submission.suite}, allowed is "
                 f"{folder.suite.content.version}, that of {folder.root}"
             )
-    entries = folder.suite.entries(request.tracks)
+    entries = [] if request.real and not request.tracks else folder.suite.entries(request.tracks)
     for name in _named(request.methods):
         if ":" not in name:
             find_method(name)  # a misspelled name is found before anything is rendered
+    sets = [open_set(folder, path) for path in request.real]
     with writing(folder.submissions):
         for path, submission in submissions:
             folder.submissions.mkdir(exist_ok=True)
@@ -91,6 +97,13 @@ def run_suite(
         for path, submission in submissions
         if submission.code
     ]
+    for one in sets:
+        names = one.methods(_named(request.methods))
+        own = {run_name(name): _Code(name, Path.cwd()) for name in names}
+        sent = {code.method.partition(":")[0]: code for code in codes}
+        one.score(_functions(own | sent), on_line)
+        loads = len(one.protocol.known)
+        yield DatasetRun(f"real/{one.record.stem}", one.root, loads, 0, one.sha256)
     for entry in entries:
         on_line(f"{entry.key}: {entry.dataset.scene}")
         made = _made(folder, entry, request, on_limits)
@@ -118,6 +131,12 @@ def _named(methods: Sequence[str]) -> list[str]:
             name for one in methods for name in (METHODS if one == _ALL_METHODS else [one])
         )
     )
+
+
+def _functions(codes: Mapping[str, _Code]) -> dict[str, Method]:
+    """Import methods by name, each from its folder. Raises InputError."""
+    sys.path += [str(folder) for folder in {code.folder for code in codes.values()}]
+    return {name: find_method(code.method) for name, code in codes.items()}
 
 
 def _made(

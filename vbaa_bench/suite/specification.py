@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.files import sha256
+from solver.lab.protocol import MIN_LOADS, MIN_PLACES
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile, load_scene, read_model
 from vbaa_bench.scene.part import Part
@@ -25,7 +26,20 @@ _APPLIED: Final = {
     "frame_limit_s": MAX_FRAME_S,
     "failure_error_pct": FAILURE_ERROR_PCT_L,
     "consistent_sigmas": CONSISTENT_SIGMAS,
+    "min_loads": MIN_LOADS,
+    "min_places": MIN_PLACES,
 }
+
+
+def _checked(value: float, info: ValidationInfo) -> float:
+    """Refuse a rule that this program does not apply. Raises ValueError."""
+    applied = _APPLIED[str(info.field_name)]
+    if value != applied:
+        raise ValueError(f"is {value:g}, allowed is {applied:g}, which this version applies")
+    return value
+
+
+_Applied = Annotated[float, AfterValidator(_checked)]
 
 
 class Dataset(Part):
@@ -59,22 +73,24 @@ class Rules(Part):
     """Rules of a suite; numbers are checked against those that this program applies."""
 
     reads: Sentence = Field(description="What a method may read.")
-    frame_limit_s: float = Field(description="Time limit of a frame, repeats included.")
+    frame_limit_s: _Applied = Field(description="Time limit of a frame, repeats included.")
     memory_gb: float = Field(ge=0, description="Memory limit of a method; 0: no limit.")
     repeats: int = Field(ge=1, description="Solutions per frame; the median time is used.")
-    failure_error_pct: float = Field(description="Error of a failure, in % of the length L.")
-    consistent_sigmas: float = Field(description="Largest consistent error, in stated sigmas.")
+    failure_error_pct: _Applied = Field(description="Error of a failure, in % of the length L.")
+    consistent_sigmas: _Applied = Field(description="Largest consistent error, in stated sigmas.")
     refusals: Sentence = Field(description="How refusals count.")
     ties: Sentence = Field(description="When methods are not distinguished.")
     speed: Sentence = Field(description="Which times are ranked.")
 
-    @field_validator(*_APPLIED)
-    @classmethod
-    def _is_applied(cls, value: float, info: ValidationInfo) -> float:
-        applied = _APPLIED[str(info.field_name)]
-        if value != applied:
-            raise ValueError(f"is {value:g}, allowed is {applied:g}, which this version applies")
-        return value
+
+class RealTrack(Part):
+    """Track of the real sets of users, with the rules of docs/protocol.md that it applies."""
+
+    about: Sentence = Field(description="What the track measures, in one sentence.")
+    min_loads: _Applied = Field(description="Least number of pushes, and of hung weights.")
+    min_places: _Applied = Field(description="Least number of places of each kind of load.")
+    reads: Sentence = Field(description="What a method may read, and from what it may learn.")
+    ranks: Sentence = Field(description="Why methods are not ranked.")
 
 
 class Specification(Part):
@@ -86,6 +102,9 @@ class Specification(Part):
     metrics: Annotated[tuple[str, ...], Field(min_length=1)]
     rules: Rules
     tracks: Annotated[dict[Name, Track], Field(min_length=1)]
+    real: RealTrack | None = Field(
+        default=None, description="Track of real sets; without it, none are scored."
+    )
 
     @field_validator("metrics")
     @classmethod

@@ -1,6 +1,5 @@
 """A set of real images with known loads: what is missing is said, and estimates are scored."""
 
-import csv
 import math
 import shutil
 from collections.abc import Callable
@@ -11,56 +10,31 @@ import numpy as np
 import pytest
 
 from solver.__main__ import main
+from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.gravity import Gravity
-from solver.instrument.images import png_bytes, read_grey
+from solver.instrument.images import png_bytes
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig
 from solver.instrument.rig_json import rig_to_json
 from solver.lab.protocol import KNOWN, MIN_LOADS, KnownLoad, check_protocol
-from solver.lab.protocol_score import GRAVITY, GRAVITY_SIGMA, compare, mistakes, scores
+from solver.lab.protocol_score import (
+    CONSISTENT,
+    GRAVITY,
+    GRAVITY_SIGMA,
+    compare,
+    mistakes,
+    scores,
+)
 from solver.methods.exact_fit import exact_fit
 from solver.methods.hung_weight import hung_weight
 from tests.command_line import CommandLine
 from tests.hung import UNIT, hung
-
-COLUMNS = ("file_name", "load", "distance_mm", "distance_sigma_mm", "mass_g", "mass_sigma_g")
-# Gravity points to the side to which contact bends the beam.
-DOWN = Gravity(math.pi / 2, math.radians(0.5))
-
-
-def write_known(folder: Path, rows: list[list[str]]) -> None:
-    with (folder / KNOWN).open("w", encoding="utf-8", newline="") as stream:
-        csv.writer(stream).writerows([COLUMNS, *rows])
-
-
-def copied(images: tuple[Path, ...], folder: Path, name: str) -> None:
-    folder.mkdir()
-    for number, image in enumerate(images):
-        shutil.copy(image, folder / f"{name}_{number:02d}.png")
+from tests.real_set import DOWN, write_complete_set
 
 
 @pytest.fixture(scope="module")
 def whole(observations: Observations, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A complete set, whose images show other loads than its table states."""
-    folder = tmp_path_factory.mktemp("set")
-    rig = replace(observations.rig, gravity=DOWN)
-    (folder / "rig.json").write_text(rig_to_json(rig), encoding="utf-8")
-    copied(observations.board_views, folder / "calibration", "view")
-    for name in ("rest", "ground", "ruler"):
-        copied(observations.rest_images, folder / name, name)
-    (folder / "images").mkdir()
-    image = read_grey(observations.frames[0].path)
-    rows = []
-    for number in range(2 * MIN_LOADS):
-        name = f"load_{number:02d}.png"
-        distinct = image.copy()
-        distinct[0, number] ^= 1
-        (folder / "images" / name).write_bytes(png_bytes(distinct))
-        distance = str(80 + 20 * (number % 5))
-        weight = ["4.25", "0.02"] if number < MIN_LOADS else ["", ""]
-        rows.append([name, "weight" if weight[0] else "push", distance, "0.5", *weight])
-    write_known(folder, rows)
-    return folder
+    return write_complete_set(observations, tmp_path_factory.mktemp("whole") / "set")
 
 
 @pytest.fixture
@@ -184,6 +158,8 @@ def test_a_weight_is_compared_with_balance_and_ruler() -> None:
     load = KnownLoad("a.png", "weight", contact.s + 1e-3, 5e-4, 1.01 * mass, 0.001 * mass)
     place, force = compare(load, estimate, rig)
     assert (place.quantity, force.quantity) == ("s_c_mm", "force_n")
+    assert place.estimated is not None
+    assert force.estimated is not None
     assert place.estimated - place.known == pytest.approx(-1.0, abs=0.01)
     assert place.known_sigma == pytest.approx(0.5)
     assert force.estimated / force.known == pytest.approx(1 / 1.01, rel=1e-4)
@@ -194,8 +170,29 @@ def test_a_weight_is_compared_with_balance_and_ruler() -> None:
     by_place, by_force = scores([place, force], rig)
     assert by_force.error_pct == pytest.approx(100 * (1 - 1 / 1.01), rel=1e-3)
     assert by_place.error_pct == pytest.approx(100 * 1e-3 / rig.beam.length, rel=0.01)
+    assert force.deviation is not None
     assert by_force.rms_deviation == pytest.approx(abs(force.deviation))
-    assert by_force.n_loads == 1
+    assert (by_force.n_loads, by_force.answered_pct) == (1, 100)
+    assert by_place.within_3_sigma_pct == (100 if abs(place.deviation or 0) <= CONSISTENT else 0)
+
+
+def test_loads_without_estimate_or_sigma_count_in_what_they_have() -> None:
+    exact, _ = hung(0.5, 1.5)
+    load = KnownLoad("a.png", "push", 0.1, 5e-4, None, 0.0)
+    bare = Estimate(Outcome.CONTACT, values={"x_c_m": 0.102, "force_n": 0.05})
+    failed = Estimate(Outcome.INVALID, "no")
+    comparisons = [compare(load, one, exact.rig)[0] for one in (bare, failed)]
+    (score,) = scores(comparisons, exact.rig)
+    assert (score.n_loads, score.answered_pct) == (2, 50)
+    assert score.error_pct == pytest.approx(100 * 2e-3 / exact.rig.beam.length)
+    assert score.known_pct == pytest.approx(100 * 5e-4 / exact.rig.beam.length)
+    assert (score.rms_deviation, score.within_3_sigma_pct) == (None, None)
+    (none,) = scores(comparisons[1:], exact.rig)
+    assert (none.answered_pct, none.error_pct) == (0, None)
+    weighed = load._replace(mass=4e-3, mass_sigma=2e-5)
+    _, force = compare(weighed, bare, replace(exact.rig, gravity=DOWN))
+    # A magnitude alone has no known component along gravity.
+    assert force.estimated is None
 
 
 def test_a_slip_of_the_decimal_point_is_a_mistake() -> None:
@@ -216,6 +213,7 @@ def test_a_load_without_an_estimate_is_named() -> None:
     exact, contact = hung(0.5, 1.5)
     estimate = exact_fit(exact)  # no contact has the force of a weight
     load = KnownLoad("a.png", "push", contact.point[0], 5e-4, None, 0.0)
-    assert compare(load, estimate, exact.rig) == []
+    (comparison,) = compare(load, estimate, exact.rig)
+    assert (comparison.estimated, comparison.deviation) == (None, None)
     (finding,) = mistakes([(load, estimate)], [])
     assert finding.message.startswith("a.png: invalid: ")

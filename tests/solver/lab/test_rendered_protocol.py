@@ -12,7 +12,8 @@ from solver.instrument.units import DEGREE
 from solver.lab.protocol import KNOWN, MIN_LOADS
 from solver.lab.protocol_score import GRAVITY
 from tests.command_line import CommandLine
-from tests.solver.lab.test_protocol import write_known
+from tests.real_set import write_known
+from vbaa_bench import cli
 from vbaa_bench.api.data import Dataset, generate
 from vbaa_bench.scene.load import load_scene
 
@@ -78,20 +79,26 @@ def write_set(weights: Dataset, pushes: Dataset, folder: Path) -> None:
         csv.writer(stream).writerows(readings)
 
 
-@pytest.mark.thorough
-def test_a_rendered_set_passes_and_is_scored(
-    variant: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    data = {}
+@pytest.fixture(scope="module")
+def rendered(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A complete set of rendered images."""
+    root, data = tmp_path_factory.mktemp("rendered"), {}
     for name, loads in (("weights", WEIGHTS), ("pushes", PUSHES)):
-        path = tmp_path / f"{name}.yaml"
+        path = root / f"{name}.yaml"
         path.write_text(SCENE + loads, encoding="utf-8")
-        data[name] = generate(load_scene(path), tmp_path / name, workers=0, variant=variant)
-    folder = tmp_path / "set"
+        data[name] = generate(load_scene(path), root / name, workers=0, variant=variant)
+    folder = root / "wire"
     folder.mkdir()
     write_set(data["weights"], data["pushes"], folder)
+    return folder
+
+
+@pytest.mark.thorough
+def test_a_rendered_set_passes_and_is_scored(
+    rendered: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     command = CommandLine(main, capfd)
-    ended = command("check", "--protocol", folder, "--json")
+    ended = command("check", "--protocol", rendered, "--json")
     found = json.loads(ended.out)
     assert (ended.status, found["findings"]) == (0, [])
     assert {(one["load"], one["quantity"], one["n_loads"]) for one in found["scores"]} == {
@@ -101,9 +108,31 @@ def test_a_rendered_set_passes_and_is_scored(
     }
     # The force's error is that of EI, to 2 %; a place's is that of the image, below the ruler's.
     for score in found["scores"]:
+        assert score["answered_pct"] == 100
         assert score["error_pct"] < (6 if score["quantity"] == "force_n" else 0.5)
         assert score["rms_deviation"] < 3
+    folder = shutil.copytree(rendered, tmp_path / "set")
     (folder / KNOWN).unlink()
     ended = command("check", "--protocol", folder)
     assert ended.status == 1
     assert "known.csv" in ended.out
+
+
+@pytest.mark.thorough
+def test_a_suite_scores_a_rendered_set_with_all_methods(
+    rendered: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    command, out = CommandLine(cli.main, capfd), tmp_path / "runs"
+    ended = command("suite", "run", "1.0rc1", "--real", rendered, "--out", out)
+    assert ended.status == 0, ended
+    ended = command("suite", "leaderboard", out, "--json")
+    assert ended.status == 0, ended
+    found = json.loads(ended.out)
+    assert found["tracks"] == {}
+    scores = {(one["method"], one["quantity"]): one for one in found["real"]["wire"]}
+    assert {name for name, _ in scores} >= {"two_point", "linear_fit", "exact_fit", "hung_weight"}
+    exact, linear = scores["exact_fit", "x_c_mm"], scores["two_point", "x_c_mm"]
+    assert exact["answered_pct"] == scores["hung_weight", "force_n"]["answered_pct"] == 100
+    assert exact["within_3_sigma_pct"] == 100
+    # Deflections of up to 12 % of the length are too large for linear theory.
+    assert exact["error_pct"] < linear["error_pct"] / 2

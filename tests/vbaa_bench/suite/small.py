@@ -28,6 +28,12 @@ tracks:
     about: Four pushes.
     datasets:
       pushes: {{scene: "{scene}", seed: {seed}, frames: 4}}
+real:
+  about: Pushes and weights.
+  min_loads: 20
+  min_places: 4
+  reads: Images only.
+  ranks: There are none.
 """
 METHOD = """
 name: mine

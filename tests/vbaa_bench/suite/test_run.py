@@ -105,7 +105,7 @@ def test_page_and_table_of_the_leaderboard(
     ran: SuiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(leaderboard_module, "FEWEST_GROUPS", 2)
-    path = write_leaderboard(ran, leaderboard(ran))
+    path = write_leaderboard(ran, leaderboard(ran), [])
     page = path.read_text(encoding="utf-8")
     assert "Most accurate: exact_fit." in page
     assert "submission, predictions" in page
@@ -150,7 +150,7 @@ def test_code_is_run_on_a_fresh_seed_and_the_page_says_so(
     assert fresh["exact_fit"] is None
     assert fresh["guess"] is None
     assert fresh["mine"] is not None
-    page = write_leaderboard(folder, [track]).read_text(encoding="utf-8")
+    page = write_leaderboard(folder, [track], []).read_text(encoding="utf-8")
     assert f"run on seed {folder.fresh_seed}" in page
 
 

@@ -42,6 +42,7 @@ def suite(tmp_path: Path, small_scene: Path, variant: str) -> Path:
         ("about: Four", "abot: Four", r"tracks\.one\.abot is an unknown key"),
         ("repeats: 1", "repeats: many", r"rules\.repeats is 'many', allowed is a whole number"),
         ("frame_limit_s: 60", "frame_limit_s: 90", "is 90, allowed is 60, which this version"),
+        ("min_loads: 20", "min_loads: 5", "real.min_loads is 5, allowed is 20, which this version"),
         ("[error_pct_L, ", "[errors, ", "metrics holds 'errors', allowed is one of error_pct_L"),
         ("[error_pct_L, ", "[", "metrics holds no error_pct_L, by which methods are ranked"),
         ("  one:", "  One!:", r"One!"),
