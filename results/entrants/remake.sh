@@ -1,5 +1,5 @@
 # The entrants of docs/entrants.md on the paper's rig. The prediction by regression needs the extra 'learned'.
-export PYTHONPATH=docs/entrants
+export PYTHONPATH=docs/entrants/consistent_sections:docs/entrants/spline_curvature
 vbaa-bench generate scenes/fig8_rigid.yaml --out "$RUNS/fig8_rigid"
 vbaa-bench solve "$RUNS/fig8_rigid" --method consistent_sections:estimate --method spline_curvature:estimate \
     --method exact_fit

@@ -15,6 +15,7 @@ from tests.simulated import columns, measurement, pushed_points
 from vbaa_bench.scoring.information_sets import SETS
 from vbaa_bench.scoring.predictions import checked_predictions, unknown_columns
 from vbaa_bench.scoring.scored_quantities import NUMBERS
+from vbaa_bench.suite.submission import check_submission, read_submission
 
 # Error of a point [m]: a third of that on the paper's rig, so that the models' own errors show.
 SIGMA = 1e-6
@@ -43,8 +44,16 @@ def test_the_columns_outcomes_and_information_sets_of_the_page_exist() -> None:
     assert set(re.findall(r'"([^"]+)"', information)) == set(SETS)
 
 
+def test_every_folder_of_an_entrant_can_be_sent() -> None:
+    folders = sorted((DOCS / "entrants").glob("[!_]*"))
+    assert [check_submission(folder) for folder in folders] == [[] for _ in folders]
+    assert [read_submission(folder).name for folder in folders] == [one.name for one in folders]
+    # The page names each.
+    assert all(f"(entrants/{one.name}/{one.name}.py)" in PAGE for one in folders)
+
+
 def _entrant(name: str) -> ModuleType:
-    path = DOCS / "entrants" / f"{name}.py"
+    path = DOCS / "entrants" / name / f"{name}.py"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None

@@ -218,7 +218,7 @@ def of_stress(row: list[str]) -> Iterator[Figure]:
 def of_entrant(row: list[str]) -> Iterator[Figure]:
     """Median, 95th percentile and RMSE of x_c; median and RMSE of the force; time."""
     name = named(row[0])
-    is_function = (ROOT / "docs" / "entrants" / f"{name}.py").is_file()
+    is_function = (ROOT / "docs" / "entrants" / name / f"{name}.py").is_file()
     values = of_method("entrants/summary.json", f"{name}.estimate" if is_function else name)
     columns = (
         "x_c_median_abs_pct_L",
