@@ -48,7 +48,7 @@ class ProtocolReport:
 
     def tables(self) -> tuple[Table, Table]:
         """Make the table of all loads, estimated against known, and that of the scores."""
-        loads = Table("image", "load", "", "known", "estimated", "deviation [sigma]")
+        loads = Table("image", "load", "", "known", "estimated", "deviation, sigmas")
         for one in self.comparisons:
             loads.add_row(
                 one.file_name,
@@ -59,8 +59,8 @@ class ProtocolReport:
                 _text(one.deviation, "+.1f"),
             )
         summary = Table(
-            *("load", "", "n", "answered [%]", "median error [%]", "known to [%]"),
-            *("RMS [sigma]", "within 3 sigma [%]"),
+            *("load", "", "n", "answered, %", "median error, %", "known to, %"),
+            *("RMS, sigmas", "within 3 sigma, %"),
         )
         for score in self.scores:
             summary.add_row(

@@ -107,7 +107,7 @@ def leaderboard(folder: SuiteFolder) -> list[TrackTable]:
 
     Raises InputError if there is neither one nor a scored real set.
     """
-    submissions = {one.run_name: one for one in _submissions(folder)}
+    submissions = {one.run_name: one for one in submissions_of(folder)}
     tables = []
     for name in folder.suite.content.tracks:
         entries = folder.suite.entries((name,))
@@ -136,7 +136,8 @@ def _winners(title: str, names: Sequence[str]) -> str:
     return f"{title}, not distinguishable: {', '.join(names[:-1])} and {names[-1]}."
 
 
-def _submissions(folder: SuiteFolder) -> Iterator[Submission]:
+def submissions_of(folder: SuiteFolder) -> Iterator[Submission]:
+    """Read the submissions that were run, by name. Raises InputError."""
     for path in sorted(folder.submissions.glob("*.yaml")):
         yield read_model(path, Submission)
 

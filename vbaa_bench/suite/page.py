@@ -13,7 +13,7 @@ from vbaa_bench.report.numbers import short
 from vbaa_bench.report.template import template
 from vbaa_bench.suite.figures import ERROR, FIGURES
 from vbaa_bench.suite.folder import SuiteFolder
-from vbaa_bench.suite.leaderboard import Place, TrackTable, Value
+from vbaa_bench.suite.leaderboard import Place, TrackTable, Value, submissions_of
 from vbaa_bench.suite.real import ScoredSet
 
 PAGE: Final = "leaderboard.html"
@@ -49,12 +49,6 @@ def leaderboard_page(
 ) -> str:
     """Write the page."""
     suite = folder.suite.content
-    submissions = {
-        place.method: place.submission
-        for table in tables
-        for place in table.places
-        if place.submission is not None
-    }
     fresh = {place.method for table in tables for place in table.places if place.fresh}
     return template("report/leaderboard.html.jinja").render(
         suite=suite,
@@ -68,7 +62,7 @@ def leaderboard_page(
         sets=sets,
         quantities=QUANTITIES,
         figures={name: FIGURES[name] for name in suite.metrics},
-        submissions=submissions,
+        submissions={one.name: one for one in submissions_of(folder)},
         fresh=fresh,
         fresh_seed=folder.fresh_seed,
         text=value_text,

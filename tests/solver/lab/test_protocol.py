@@ -1,5 +1,6 @@
 """A set of real images with known loads: what is missing is said, and estimates are scored."""
 
+import io
 import math
 import shutil
 from collections.abc import Callable
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from solver.__main__ import main
 from solver.instrument.estimate import Estimate, Outcome
@@ -17,10 +19,13 @@ from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig
 from solver.instrument.rig_json import rig_to_json
 from solver.lab.protocol import KNOWN, MIN_LOADS, KnownLoad, check_protocol
+from solver.lab.protocol_report import ProtocolReport
 from solver.lab.protocol_score import (
     CONSISTENT,
     GRAVITY,
     GRAVITY_SIGMA,
+    Comparison,
+    Score,
     compare,
     mistakes,
     scores,
@@ -193,6 +198,18 @@ def test_loads_without_estimate_or_sigma_count_in_what_they_have() -> None:
     _, force = compare(weighed, bare, replace(exact.rig, gravity=DOWN))
     # A magnitude alone has no known component along gravity.
     assert force.estimated is None
+
+
+def test_the_tables_have_heads_with_units_and_a_dash_for_what_is_missing() -> None:
+    missing = Comparison("a.png", "push", "x_c_mm", 100.0, 0.5, None, None)
+    score = Score("push", "x_c_mm", 1, 0.0, None, 0.2, None, None)
+    report = ProtocolReport((), (missing,), (score,))
+    stream = io.StringIO()
+    Console(file=stream, width=120).print(*report.tables())
+    text = stream.getvalue()
+    assert "deviation, sigmas" in text
+    assert "RMS, sigmas" in text
+    assert "None" not in text
 
 
 def test_a_slip_of_the_decimal_point_is_a_mistake() -> None:

@@ -80,6 +80,7 @@ def test_a_real_set_is_scored_and_shown(place: Path, command: CommandLine) -> No
     assert "<h3>wire</h3>" in page
     assert "20 × push: x_c, % of L, known to 0.21" in page
     assert "There are none." in page
+    assert 'href="https://example.org/mine"' in page
     assert "None" not in page
     ended = command("suite", "leaderboard", "runs")
     assert "real set wire" in ended.out
