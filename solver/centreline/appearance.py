@@ -198,7 +198,8 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
     Where the section leaves more than noise, the `sampled` profile may take its place. `radius`
     [px] is the rig's, None for a flat strip.
     """
-    shape, *others = _described(rest) or [None]
+    shapes = _described(rest)
+    shape, others = (shapes[0], shapes[1:]) if shapes else (None, [])
     if sampled is not None and (shape is None or shape.misfit > LIMITS.max_section_misfit):
         other = rest.shape(_nominal(rest), sampled)
         if shape is None or other.course_sigma < shape.course_sigma:
