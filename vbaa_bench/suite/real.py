@@ -62,11 +62,14 @@ class OpenedSet:
     sha256: str
     record: Path
 
-    def methods(self, requested: Sequence[str]) -> list[str]:
+    def methods(self, requested: Sequence[str], on_line: Callable[[str], None]) -> list[str]:
         """List the methods of its pushes: those of `requested`, or all that apply to its images.
 
-        hung_weight solves the weights, and a set has no pushes to learn from.
+        hung_weight solves the weights. `on_line` receives remarks on methods that are left out.
         """
+        for name in requested:
+            if name in LEARNING:
+                on_line(f"{self.root}: {name} is left out: a real set has no pushes to learn from")
         names = requested or applicable(self.protocol.observations)
         return [name for name in names if name != _OF_WEIGHTS and name not in LEARNING]
 

@@ -98,7 +98,7 @@ def run_suite(
         if submission.code
     ]
     for one in sets:
-        names = one.methods(_named(request.methods))
+        names = one.methods(_named(request.methods), on_line)
         own = {run_name(name): _Code(name, Path.cwd()) for name in names}
         sent = {code.method.partition(":")[0]: code for code in codes}
         one.score(_functions(own | sent), on_line)

@@ -91,7 +91,12 @@ def test_by_default_methods_of_single_images_solve_the_pushes(
 ) -> None:
     suite = write_suite(tmp_path, small_scene, variant)
     opened = open_set(create_folder(tmp_path / "runs", str(suite)), place / "wire")
-    names = opened.methods(())
+    remarks: list[str] = []
+    names = opened.methods((), remarks.append)
+    assert not remarks
+    assert opened.methods(("exact_fit_learned", "linear_fit"), remarks.append) == ["linear_fit"]
+    (remark,) = remarks
+    assert "exact_fit_learned is left out: a real set has no pushes to learn from" in remark
     assert {"two_point", "linear_fit", "exact_fit", "two_contact_fit"} <= set(names)
     assert not {"hung_weight", "exact_fit_learned", "push_fit", "moment_sensor"} & set(names)
 
