@@ -94,10 +94,12 @@ def test_the_method_of_the_page_answers() -> None:
     names: dict[str, object] = {}
     exec(code, names)
     points, _, _ = pushed_points(0.12, 0.1)
-    method = names["halfway"]
+    method = names["straight_end"]
     assert callable(method)
     estimate = run_method(method, measurement(points, 1e-6))
-    assert (estimate.outcome, estimate.x_c_mm) == (Outcome.CONTACT, 120.0)
+    assert estimate.outcome is Outcome.CONTACT
+    # Linear theory is a few millimetres off.
+    assert estimate.x_c_mm == pytest.approx(120, abs=5)
     straight = run_method(method, measurement(points * [1, 0], 1e-6))
     assert straight.outcome is Outcome.NO_CONTACT
 
