@@ -104,8 +104,8 @@ def run_suite(
         one.score(_functions(own | sent), on_line)
         loads = len(one.protocol.known)
         yield DatasetRun(f"real/{one.record.stem}", one.root, loads, 0, one.sha256)
-    for entry in entries:
-        on_line(f"{entry.key}: {entry.dataset.scene}")
+    for number, entry in enumerate(entries, 1):
+        on_line(f"{entry.key}, dataset {number} of {len(entries)}: {entry.dataset.scene}")
         made = _made(folder, entry, request, on_limits)
         requested = request.methods or tuple(
             applicable(open_observations(rigs_of(made.root)[0].observations))
