@@ -26,7 +26,7 @@ _IN_YAML: Final = {
     "list_type": "a list",
     "model_attributes_type": "a section of keys",
     "model_type": "a section of keys",
-    "string_type": "a text",
+    "string_type": "a text, in quotes if it looks like a number",
     "tuple_type": "a list",
 }
 # Keys that have been renamed: section -> old key -> new key. A section within a list has no index;
