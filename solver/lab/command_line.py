@@ -5,7 +5,7 @@ import os
 import string
 import sys
 import time
-from collections.abc import Iterator, Sized
+from collections.abc import Iterator, Sequence, Sized
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +18,6 @@ from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
 from solver.instrument.observation import frames_beside, open_rig, rig_file
-from solver.instrument.rig import Rig
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
 from solver.lab.command_end import run_command
@@ -27,11 +26,13 @@ from solver.lab.console import (
     expected_accuracy,
     reasons,
     setting_up,
+    show_findings,
     table,
     with_progress,
 )
 from solver.lab.controls import controls_of
 from solver.lab.example import example_rig, next_steps
+from solver.lab.findings import findings
 from solver.lab.help import Command, Group
 from solver.lab.input_options import (
     ChannelOption,
@@ -122,6 +123,8 @@ def solve(
             beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
             antenna = with_learned(antenna, beam)
         warm_up(antenna, function, next(observations.read_rest_images()))
+    contradictions = () if quiet else findings(antenna)
+    show_findings(contradictions, observations.root)
     rows: dict[int, Row] = {}
     interrupted = False
     try:
@@ -143,16 +146,17 @@ def solve(
         if target and ordered_rows:
             write(target, csv_text(ordered_rows).encode())
     if target and not (quiet or stream):
-        _show(ordered_rows, method, target, antenna.rig)
+        # EI is not what limits the forces of a rig that contradicts its images.
+        accuracy = () if contradictions else expected_accuracy(ordered_rows, antenna.rig)
+        _show(ordered_rows, method, target, accuracy)
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
         console.print("interrupted: the estimates so far are kept")
         raise typer.Exit(130)
 
 
-def _show(rows: list[Row], method: str, target: Path, rig: Rig) -> None:
+def _show(rows: list[Row], method: str, target: Path, accuracy: Sequence[str]) -> None:
     Console().print(table(rows, method))
-    lines = (*reasons(rows), *expected_accuracy(rows, rig), f"{len(rows)} estimates in {target}")
-    for line in lines:
+    for line in (*reasons(rows), *accuracy, f"{len(rows)} estimates in {target}"):
         Console(soft_wrap=True).print(line, markup=False)
 
 

@@ -3,7 +3,7 @@
 import math
 import threading
 from collections import Counter
-from collections.abc import Iterator, Sized
+from collections.abc import Iterator, Sequence, Sized
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from rich.table import Table
 from solver.instrument.compiled import compiled_functions
 from solver.instrument.errors import printable
 from solver.instrument.rig import Rig
+from solver.lab.findings import Finding
 from solver.lab.live import FrameResult
 from solver.lab.shots import Source
 from solver.lab.table import Row
@@ -121,6 +122,14 @@ def expected_accuracy(rows: list[Row], rig: Rig) -> list[str]:
         f"expect forces within {100 * relative:.2g} % (one sigma, of EI in rig.json) until EI and "
         "beam are learned: steps 5 and 6 of solver/README.md"
     ]
+
+
+def show_findings(findings: Sequence[Finding], rig: Path) -> None:
+    """Print what makes estimates wrong, and the command that reports on the rig at `rig`."""
+    for finding in findings:
+        console.print(f"warning: {printable(finding.message)}", markup=False)
+    if findings:
+        console.print(f"run python -m solver check --rig {printable(str(rig))}", markup=False)
 
 
 def short_names(paths: list[str]) -> list[str]:

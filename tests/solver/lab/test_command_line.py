@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -26,6 +27,8 @@ from solver.instrument.hashes import HASHES
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations, open_observations
+from solver.instrument.rig import Rig
+from solver.lab.findings import findings
 from solver.learning.learn import LearnedBeam
 from solver.set_up import set_up
 from tests.command_line import CommandLine
@@ -92,6 +95,31 @@ def test_a_folder_of_observations_gives_a_table_in_its_own_order(
     rows = table(Path("estimates_exact_fit.csv"))
     assert [row["frame_id"] for row in rows] == [f.frame_id for f in open_observations(root).frames]
     assert {row["outcome"] for row in rows} == {"contact"}
+
+
+def test_a_rig_that_contradicts_its_images_is_a_warning(
+    command: CommandLine, root: Path, antenna: Antenna, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Wrong squares scale the forces: the uncertainty of EI alone would be no fair statement."""
+    wrong = replace(antenna, rig=longer(antenna.rig))
+    monkeypatch.setattr("solver.lab.command_line.set_up", lambda *_: wrong)
+    found = findings(wrong)
+    assert found
+    ended = command(root)
+    assert ended.status == 0
+    for finding in found:
+        assert f"warning: {finding.message}\n" in ended.err
+    assert f"run python -m solver check --rig {root}" in ended.err
+    assert "warning" not in ended.out
+    assert "expect forces" not in ended.out
+    streamed = command(root, "--stream")
+    assert f"warning: {found[0].message}" in streamed.err
+    assert all(json.loads(line) for line in streamed.out.splitlines())
+    assert command(root, "--quiet") == (0, "", "")
+
+
+def longer(rig: Rig) -> Rig:
+    return replace(rig, beam=replace(rig.beam, length=1.2 * rig.beam.length))
 
 
 def test_images_and_a_rig_give_what_the_folder_gives(
