@@ -31,6 +31,9 @@ from solver.instrument.rig_json import read_rig
 
 # Chosen: enough frames to detect a tree of mixed depths, and opening stays fast.
 CHECKED_FRAMES: Final = 8
+# Folders of a rig's images and the first characters of their names: of the board, of the beam at
+# rest, of the ground.
+IMAGE_NAMES: Final = ("calibration/view_", "rest/rest_", "ground/ground_")
 
 
 @dataclass(frozen=True)
@@ -132,16 +135,16 @@ def open_rig(path: Path) -> Observations:
     Raises InputError, and DamageError if an image of a generated tree is missing.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
-    names, hashes = ("calibration/view_", "rest/rest_", "ground/ground_"), read_hashes(root)
+    hashes = read_hashes(root)
     views, rests, grounds = (
         tuple(
             image_files(root / name.split("/")[0], name.split("/")[1])
             if hashes is None
             else [root / one for one in sorted(hashes) if PurePath(one).match(f"{name}*.png")]
         )
-        for name in names
+        for name in IMAGE_NAMES
     )
-    for name, paths in zip(names, (views, rests), strict=False):
+    for name, paths in zip(IMAGE_NAMES, (views, rests), strict=False):
         if not paths:
             raise InputError(f"{root}: holds no {name}*.png, at least one is needed")
     for image in (*views, *rests, *grounds):

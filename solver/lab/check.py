@@ -136,11 +136,15 @@ class CalibrationReport:
 
 
 def calibration_report(
-    antenna: Antenna, frames: Sequence[ImageFrame] = (), ground_images: int = 0
+    antenna: Antenna,
+    frames: Sequence[ImageFrame] = (),
+    ground_images: int = 0,
+    of_files: Sequence[Finding] = (),
 ) -> CalibrationReport:
     """Collect the report on an antenna, with what `frames` of pushes contradict, if there are any.
 
-    `ground_images` is the number of images of the ground without the beam.
+    `ground_images` is the number of images of the ground without the beam, `of_files` are the
+    findings about the rig's files.
     """
     calibration, rest, noise = antenna.calibration, antenna.rest, antenna.at_rest.noise
     camera, detector = calibration.camera, antenna.extract.detector
@@ -178,7 +182,7 @@ def calibration_report(
         spread_px=None if look is None else look.section.spread,
         roughness_px=None if look is None else look.sigma_px,
         ground_images=ground_images,
-        findings=findings(antenna, frames),
+        findings=(*of_files, *findings(antenna, frames)),
     )
 
 

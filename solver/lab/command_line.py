@@ -32,6 +32,7 @@ from solver.lab.console import (
 )
 from solver.lab.controls import controls_of
 from solver.lab.example import example_rig, next_steps
+from solver.lab.file_findings import file_findings
 from solver.lab.findings import findings
 from solver.lab.help import Command, Group
 from solver.lab.input_options import (
@@ -123,8 +124,8 @@ def solve(
             beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
             antenna = with_learned(antenna, beam)
         warm_up(antenna, function, next(observations.read_rest_images()))
-    contradictions = () if quiet else findings(antenna)
-    show_findings(contradictions, observations.root)
+    contradictions = () if quiet else (*file_findings(observations), *findings(antenna))
+    show_findings(contradictions, rig or observations.root)
     rows: dict[int, Row] = {}
     interrupted = False
     try:
@@ -277,7 +278,8 @@ def check(
         raise InputError("check needs either --rig or --protocol")
     opened = open_rig(rig)
     frames = frames_beside(opened.root, opened.rig.channel)
-    report = calibration_report(set_up(opened), frames, len(opened.ground_images))
+    of_files = file_findings(opened)
+    report = calibration_report(set_up(opened), frames, len(opened.ground_images), of_files)
     print(report.json() if json else report.text())
 
 

@@ -1,0 +1,52 @@
+"""What `check` finds in the names of a rig's files."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from solver.instrument.hashes import HASHES
+from solver.instrument.observation import open_rig
+from solver.lab.example import EXAMPLE
+from solver.lab.file_findings import file_findings
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """A copy of the example rig."""
+    root = tmp_path / "rig"
+    shutil.copytree(EXAMPLE, root, ignore=shutil.ignore_patterns("*.avi", "images"))
+    return root
+
+
+def test_the_files_of_a_complete_rig_have_no_findings(rig: Path) -> None:
+    (rig / "rest" / "notes.txt").write_text("lamp on the left")
+    (rig / "rest" / ".DS_Store").write_text("")
+    assert file_findings(open_rig(rig)) == ()
+
+
+def test_an_image_that_is_not_used_is_named(rig: Path) -> None:
+    for name in ("rest/ruhe.png", "rest/rest_07.heic", "calibration/board_00.png", "ground/a.jpg"):
+        (rig / name).parent.mkdir(exist_ok=True)
+        (rig / name).write_bytes(b"")
+    found = file_findings(open_rig(rig))
+    assert [finding.name for finding in found] == 3 * ["images_unused"]
+    assert [finding.message for finding in found] == [
+        "not used: calibration/board_00.png; names are view_00.png, view_01.png, ...",
+        "not used: rest/rest_07.heic, rest/ruhe.png; names are rest_00.png, rest_01.png, ...",
+        "not used: ground/a.jpg; names are ground_00.png, ground_01.png, ...",
+    ]
+
+
+def test_a_first_view_that_is_missing_is_named(rig: Path) -> None:
+    (rig / "calibration" / "view_00.png").unlink()
+    (finding,) = file_findings(open_rig(rig))
+    assert finding.name == "first_view_missing"
+    assert finding.message.startswith("view_00.png is missing: view_01.png defines plane C")
+    (rig / "calibration" / "view_01.png").rename(rig / "calibration" / "view_0.png")
+    assert file_findings(open_rig(rig)) == ()
+
+
+def test_a_generated_tree_uses_the_files_that_it_lists(dataset: Path) -> None:
+    assert (dataset / "observations" / HASHES).is_file()
+    assert file_findings(open_rig(dataset / "observations")) == ()
