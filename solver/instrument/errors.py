@@ -2,7 +2,7 @@
 
 import difflib
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -70,8 +70,14 @@ def truncated(text: str) -> str:
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Suggest the known name that is meant by an unknown one, or list the known ones."""
     names = list(dict.fromkeys(known))
-    similar = difflib.get_close_matches(truncated(name), names, n=1, cutoff=0.7)
-    return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(names)}"
+    similar = similar_name(name, names)
+    return f"did you mean {similar}?" if similar else f"known are {', '.join(names)}"
+
+
+def similar_name(name: str, known: Sequence[str]) -> str | None:
+    """Return the known name that is meant by an unknown one; None if there is no similar one."""
+    similar = difflib.get_close_matches(truncated(name), known, n=1, cutoff=0.7)
+    return similar[0] if similar else None
 
 
 def described(error: BaseException) -> str:

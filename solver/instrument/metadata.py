@@ -14,15 +14,58 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from solver.instrument.csv_table import CsvRow, csv_rows
-from solver.instrument.errors import InputError, quoted, truncated
+from solver.instrument.errors import InputError, quoted, similar_name, truncated
 from solver.instrument.image_frame import Carriage, ImageFrame, Readings
 from solver.instrument.units import DEGREE, MILLIMETRE
 
 # Longest name in a table. Chosen: file names can have 255 characters, suffix included.
 MAX_NAME_LENGTH: Final = 250
+COLUMNS: Final = (
+    "file_name",
+    "frame_id",
+    "motor_angle_deg",
+    "push_id",
+    "step",
+    "split",
+    "removed_from_mm",
+    "removed_to_mm",
+    "moment_y_n_mm",
+    *(f"base_force_{axis}_n" for axis in "xyz"),
+    *(f"base_moment_{axis}_n_mm" for axis in "xyz"),
+    "carriage_x_mm",
+    "carriage_y_mm",
+    "carriage_turn_deg",
+    "carriage_sigma_mm",
+    "carriage_turn_sigma_deg",
+)
+
+
+class MisspeltColumn(NamedTuple):
+    """Column of a table that is not known, and the absent one that it seems to be."""
+
+    name: str
+    meant: str
+
+
+def misspelt_columns(table: Path) -> list[MisspeltColumn]:
+    """List the columns of a metadata.csv that seem to be misspelt. Raises InputError.
+
+    A column is misspelt if it is similar to one of COLUMNS that the table does not have, or is a
+    part of a single one of them, as `angle` is of `motor_angle_deg`.
+    """
+    row = next(csv_rows(table), None)
+    names = [] if row is None else [name for name in row.cells if name]
+    absent = [column for column in COLUMNS if column not in names]
+    misspelt = []
+    for name in (name for name in names if name not in COLUMNS):
+        whole = [column for column in absent if f"_{name.lower()}_" in f"_{column}_"]
+        meant = whole[0] if len(whole) == 1 else similar_name(name.lower(), absent)
+        if meant is not None:
+            misspelt.append(MisspeltColumn(name, meant))
+    return misspelt
 
 
 def read_frames(table: Path) -> Iterator[ImageFrame]:

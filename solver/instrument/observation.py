@@ -93,15 +93,23 @@ def frames_beside(root: Path, channel: str) -> tuple[ImageFrame, ...]:
 
 def _frames(root: Path, names: Sequence[str] | None, channel: str) -> tuple[ImageFrame, ...]:
     """List the frames of a tree whose hashes.json lists `names`, None without one."""
-    images = root / "images"
-    if names is None:
-        tables = sorted([*root.glob("shard_*/metadata.csv"), *images.glob("metadata.csv")])
-    else:
-        tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
+    tables = _tables(root, names)
     frames = [frame for table in tables for frame in read_frames(table)]
     if not tables and names is None:
-        frames = [ImageFrame(path.stem, path) for path in image_files(images)]
+        frames = [ImageFrame(path.stem, path) for path in image_files(root / "images")]
     return tuple(replace(frame, channel=channel) for frame in frames)
+
+
+def tables_beside(root: Path) -> list[Path]:
+    """List the tables of readings in the folder of a rig.json, of which there may be none."""
+    return _tables(root, listed(root))
+
+
+def _tables(root: Path, names: Sequence[str] | None) -> list[Path]:
+    """List the tables of a tree whose hashes.json lists `names`, None without one."""
+    if names is None:
+        return sorted([*root.glob("shard_*/metadata.csv"), *root.glob("images/metadata.csv")])
+    return [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
 
 
 def _check_bit_depth(rest_image: Path, frames: Sequence[ImageFrame]) -> None:

@@ -17,7 +17,7 @@ from rich.console import Console
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
-from solver.instrument.observation import frames_beside, open_rig, rig_file
+from solver.instrument.observation import frames_beside, open_rig, rig_file, tables_beside
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
 from solver.lab.command_end import run_command
@@ -45,6 +45,7 @@ from solver.lab.input_options import (
     SizeOption,
     checked_channel,
     open_inputs,
+    used_tables,
 )
 from solver.lab.learn_command import learn
 from solver.lab.live import json_line, solve_shots, warm_up
@@ -124,7 +125,14 @@ def solve(
             beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
             antenna = with_learned(antenna, beam)
         warm_up(antenna, function, next(observations.read_rest_images()))
-    contradictions = () if quiet else (*file_findings(observations), *findings(antenna))
+    contradictions = (
+        ()
+        if quiet
+        else (
+            *file_findings(observations, used_tables(sources, readings)),
+            *findings(antenna),
+        )
+    )
     show_findings(contradictions, rig or observations.root)
     rows: dict[int, Row] = {}
     interrupted = False
@@ -278,7 +286,7 @@ def check(
         raise InputError("check needs either --rig or --protocol")
     opened = open_rig(rig)
     frames = frames_beside(opened.root, opened.rig.channel)
-    of_files = file_findings(opened)
+    of_files = file_findings(opened, tables_beside(opened.root))
     report = calibration_report(set_up(opened), frames, len(opened.ground_images), of_files)
     print(report.json() if json else report.text())
 

@@ -1,19 +1,35 @@
-"""Consistency checks of the files of a rig: images that are not used, and their names."""
+"""Consistency checks of the files of a rig: their names, and those of columns."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
+from solver.instrument.errors import quoted
 from solver.instrument.hashes import read_hashes
 from solver.instrument.images import FORMATS
+from solver.instrument.metadata import misspelt_columns
 from solver.instrument.observation import IMAGE_NAMES, Observations
 from solver.lab.findings import Finding
 
 
-def file_findings(observations: Observations) -> tuple[Finding, ...]:
-    """List the files beside rig.json whose names hide them; none for a generated tree."""
+def file_findings(observations: Observations, tables: Sequence[Path] = ()) -> tuple[Finding, ...]:
+    """List the files beside rig.json whose names hide them, and misspelt columns of `tables`.
+
+    The files of a generated tree are those that it lists. Raises InputError for a table that cannot
+    be read.
+    """
+    columns = (finding for table in tables for finding in _columns(table))
     if read_hashes(observations.root) is not None:
-        return ()
-    return (*_unused(observations), *_first_view(observations))
+        return tuple(columns)
+    return (*_unused(observations), *_first_view(observations), *columns)
+
+
+def _columns(table: Path) -> Iterator[Finding]:
+    for name, meant in misspelt_columns(table):
+        yield Finding(
+            "column_unknown",
+            f"{table}: the column {quoted(name)} is unknown; did you mean {meant}?",
+        )
 
 
 def _unused(observations: Observations) -> Iterator[Finding]:

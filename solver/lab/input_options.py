@@ -8,7 +8,7 @@ import typer
 
 from solver.instrument.errors import InputError
 from solver.instrument.images import CHANNELS
-from solver.instrument.observation import Observations, open_observations, open_rig
+from solver.instrument.observation import Observations, open_observations, open_rig, tables_beside
 from solver.lab.controls import NO_CONTROLS, Controls
 from solver.lab.shots import Files, Source
 from solver.lab.sources import open_source
@@ -69,6 +69,14 @@ def open_inputs(
         )
     observations = open_observations(root)
     return observations, Files(observations.frames)
+
+
+def used_tables(sources: list[str], readings: Path | None) -> list[Path]:
+    """List the tables of readings that belong to a source: of a folder, its own."""
+    if readings is not None:
+        return [readings]
+    root = Path(sources[0])
+    return tables_beside(root) if root.is_dir() else []
 
 
 def checked_channel(name: str | None) -> str | None:

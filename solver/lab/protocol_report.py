@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.table import Table
 
 from solver.instrument.errors import InputError
+from solver.instrument.observation import tables_beside
 from solver.lab.file_findings import file_findings
 from solver.lab.findings import Finding, findings
 from solver.lab.protocol import check_protocol
@@ -96,7 +97,7 @@ def protocol_report(folder: Path) -> ProtocolReport:
         for answer in solve_known(protocol, antenna, load, method)
     ]
     comparisons = [one for answer in answers for one in compare(*answer, antenna.rig)]
-    of_files = file_findings(protocol.observations)
+    of_files = file_findings(protocol.observations, tables_beside(folder))
     contradicted = (*of_files, *findings(antenna), *mistakes(answers, comparisons))
     return ProtocolReport(
         (*missing, *contradicted), tuple(comparisons), tuple(scores(comparisons, antenna.rig))

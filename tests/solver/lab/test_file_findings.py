@@ -1,12 +1,14 @@
 """What `check` finds in the names of a rig's files."""
 
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from solver.instrument.hashes import HASHES
-from solver.instrument.observation import open_rig
+from solver.instrument.metadata import COLUMNS, read_frames
+from solver.instrument.observation import open_rig, tables_beside
 from solver.lab.example import EXAMPLE
 from solver.lab.file_findings import file_findings
 
@@ -50,3 +52,53 @@ def test_a_first_view_that_is_missing_is_named(rig: Path) -> None:
 def test_a_generated_tree_uses_the_files_that_it_lists(dataset: Path) -> None:
     assert (dataset / "observations" / HASHES).is_file()
     assert file_findings(open_rig(dataset / "observations")) == ()
+
+
+@pytest.mark.parametrize(
+    ("column", "meant"),
+    [
+        ("angle", "motor_angle_deg"),
+        ("Motor_Angle", "motor_angle_deg"),
+        ("push", "push_id"),
+        ("base_forces_x_n", "base_force_x_n"),
+        ("operator", None),
+        ("temperature_c", None),
+        ("force_n", None),
+        ("step", None),
+    ],
+)
+def test_a_misspelt_column_is_named_and_the_user_s_own_are_not(
+    rig: Path, column: str, meant: str | None
+) -> None:
+    table = rig / "metadata.csv"
+    table.write_text(f"file_name,{column}\na.png,1\n")
+    sentence = f"{table}: the column '{column}' is unknown; did you mean {meant}?"
+    found = [finding.message for finding in file_findings(open_rig(rig), [table])]
+    assert found == ([] if meant is None else [sentence])
+
+
+def test_a_column_whose_known_neighbour_is_there_is_the_user_s_own(rig: Path) -> None:
+    table = rig / "metadata.csv"
+    table.write_text("file_name,motor_angle_deg,angle\na.png,1,2\n")
+    assert file_findings(open_rig(rig), [table]) == ()
+
+
+def test_every_column_of_a_generated_table_is_known(dataset: Path) -> None:
+    names = (
+        tables_beside(dataset / "observations")[0]
+        .read_text(encoding="utf-8")
+        .splitlines()[0]
+        .split(",")
+    )
+    assert set(names) <= set(COLUMNS)
+
+
+def test_every_column_that_is_read_is_known(rig: Path) -> None:
+    """A column that is read and not listed would be called misspelt."""
+    (rig / "a.png").write_text("")
+    (rig / "metadata.csv").write_text(f"{','.join(COLUMNS)}\na.png{',1' * (len(COLUMNS) - 1)}\n")
+    (frame,) = read_frames(rig / "metadata.csv")
+    readings = frame.readings
+    assert None not in [getattr(readings, field.name) for field in fields(readings)]
+    assert readings.carriage is not None
+    assert readings.carriage.turn_sigma > 0
