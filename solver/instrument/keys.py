@@ -20,6 +20,9 @@ _SHORT_REPR: Final = reprlib.Repr()
 _SHORT_REPR.maxstring = _SHORT_REPR.maxother = _SHORT_REPR.maxlong = _MAX_CHARACTERS
 # Largest document [bytes]: a hundred times the size of one with every key.
 _MAX_BYTES: Final = 1 << 18
+# Similarity from which a key is a misspelt one. Chosen: two letters of ten may be wrong, and no two
+# keys of rig.json of one section and as many words are so similar.
+_SIMILAR: Final = 0.8
 _MISSING: Final = object()
 
 
@@ -73,8 +76,20 @@ class Keys:
         self.asked.add(key)
         value = self._looked_up(key)
         if value is _MISSING:
-            raise InputError(f"{self.path}: the key {key} is missing")
+            raise InputError(f"{self.path}: the key {key} is missing{self._misspelt(key)}")
         return value
+
+    def _misspelt(self, key: str) -> str:
+        """Name the unknown key that a missing one seems to be written as; "" if there is none."""
+        before, _, last = key.rpartition(".")
+        section = self._looked_up(before) if before else self.document
+        if section is _MISSING:
+            return self._misspelt(before)
+        for name in section if isinstance(section, dict) else ():
+            whole = f"{before}.{name}" if before else name
+            if whole not in self.asked and misspelt(name, last):
+                return f", and {whole[:_MAX_CHARACTERS]} is unknown"
+        return ""
 
     def _looked_up(self, key: str) -> Any:
         """Return the value of a dotted key, `_MISSING` if there is none."""
@@ -185,6 +200,16 @@ class Keys:
         if not (plain and Path(value).name == value):
             self.refuse(key, "the name of a file in the same folder")
         return str(value)
+
+
+def misspelt(name: str, meant: str) -> bool:
+    """Return whether a key's name seems to be another one, misspelt.
+
+    A value and its sigma have similar names, but not the same number of words.
+    """
+    if name.count("_") != meant.count("_"):
+        return False
+    return bool(difflib.get_close_matches(name[:_MAX_CHARACTERS], [meant], cutoff=_SIMILAR))
 
 
 def _section(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

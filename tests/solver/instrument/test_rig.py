@@ -30,6 +30,25 @@ def test_round_trip(tmp_path: Path) -> None:
     assert found.antenna_from_board == pytest.approx(np.eye(4))
 
 
+def test_no_known_key_is_taken_for_a_missing_one(tmp_path: Path) -> None:
+    path, missing = tmp_path / "rig.json", 0
+    full = replace(rig(), sag=1e-3, sag_in_plane=np.array([0.0, 1e-3]), known_psi=0.1, bits=8)
+    full = replace(full, tolerances=replace(full.tolerances, camera_shift_px=0.1))
+    full = replace(full, sensors=Sensors(1e-3, 1e-3, 1e-3), light_slope=0.1, light_distance=0.5)
+    document = json.loads(rig_to_json(full))
+    for section, keys in document.items():
+        for key in keys:
+            path.write_text(
+                json.dumps(document | {section: {k: v for k, v in keys.items() if k != key}})
+            )
+            try:
+                read_rig(path)
+            except InputError as error:
+                missing += 1
+                assert str(error) == f"{path}: the key {section}.{key} is missing"  # noqa: PT017
+    assert missing > 15
+
+
 def test_the_kind_of_camera_comes_back_and_is_a_pinhole_unless_said(tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
     for telecentric in (False, True):
