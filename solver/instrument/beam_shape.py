@@ -84,6 +84,24 @@ class BeamShape:
         return certain and not (of_clamp or self.skew or self.widths.any() or len(self.bow))
 
     @property
+    def is_learned(self) -> bool:
+        """Whether the beam differs from a uniform one of stated sigmas, as a learned one does."""
+        stated = stated_shape(
+            self.taper_sigma,
+            self.sigma(SOFTNESS),
+            self.section_sigma,
+            self.friction_sigma,
+            self.sigma(CLAMP_SHIFT),
+        )
+        values = [self.softness, self.clamp_shift, self.skew, *self.widths, *self.bow]
+        return any(values) or not np.array_equal(self.covariance, stated.covariance)
+
+    @property
+    def taper_sigma(self) -> float:
+        """Standard deviation of the first coefficient of the width; 0 without one."""
+        return self.sigma(FIRST_WIDTH) if len(self.widths) else 0.0
+
+    @property
     def ratio_sigma(self) -> float:
         """Standard deviation of a friction ratio whose direction is not known."""
         return math.hypot(self.friction_coefficient, self.friction_sigma)

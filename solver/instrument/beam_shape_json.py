@@ -48,12 +48,9 @@ def beam_shape_keys(shape: BeamShape, length: float) -> dict[str, Any]:
         keys["bow_sigma_mm"] = shape.bow_sigma * length / MILLIMETRE
     if shape.friction_coefficient:
         keys["friction_coefficient"] = shape.friction_coefficient
-    taper = shape.sigma(FIRST_WIDTH) if len(shape.widths) else 0.0
     softness, shift = shape.sigma(SOFTNESS), shape.sigma(CLAMP_SHIFT)
-    stated = stated_shape(taper, softness, shape.section_sigma, shape.friction_sigma, shift)
-    values = [shape.softness, shape.clamp_shift, shape.skew, *shape.widths, *shape.bow]
-    if not any(values) and np.array_equal(shape.covariance, stated.covariance):
-        keys |= {"taper_sigma": taper, "clamp_softness_sigma": softness}
+    if not shape.is_learned:
+        keys |= {"taper_sigma": shape.taper_sigma, "clamp_softness_sigma": softness}
         return keys | ({"clamp_shift_sigma_mm": shift * length / MILLIMETRE} if shift else {})
     return keys | {
         "widths": shape.widths.tolist(),

@@ -112,15 +112,21 @@ def reasons(rows: list[Row]) -> list[str]:
 
 
 def expected_accuracy(rows: list[Row], rig: Rig) -> list[str]:
-    """Say how uncertain the forces are by EI alone, if a rig states no more than a drawing does."""
-    relative = math.hypot(
-        rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity, rig.shape.rigidity_sigma
-    )
+    """Say how uncertain the forces are by EI alone, if a rig states no more than a drawing does.
+
+    What is not learned yet is named, with the step of solver/README.md that learns it.
+    """
+    of_rigidity = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
+    relative = math.hypot(of_rigidity, rig.shape.rigidity_sigma)
     if relative <= LEARNED_FORCE or all(cells["force_n"] is None for cells in rows):
         return []
+    unknown = [
+        *(["EI: step 5"] if of_rigidity > LEARNED_FORCE else []),
+        *(["the beam: step 6"] if not rig.shape.is_learned and rig.shape.covariance.any() else []),
+    ]
+    remedy = f"; not learned yet: {', '.join(unknown)} of solver/README.md" if unknown else ""
     return [
-        f"expect forces within {100 * relative:.2g} % (one sigma, of EI in rig.json) until EI and "
-        "beam are learned: steps 5 and 6 of solver/README.md"
+        f"expect forces within {100 * relative:.2g} % (one sigma, of EI in rig.json){remedy}",
     ]
 
 
