@@ -1,9 +1,11 @@
-"""Help texts with types and defaults in words, not as `<list[str]>` and `[default: ...]`."""
+"""Commands whose help and refusals are in words, not as `<list[str]>` and `[default: ...]`."""
 
 from pathlib import Path
 from typing import Any, Final
 
 import typer.core
+
+from solver.instrument.errors import InputError
 
 # A flag has no value. Types that are not here, such as one of several names, are words already.
 _TYPES: Final[dict[Any, str]] = {
@@ -23,6 +25,18 @@ class Command(typer.core.TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:
         """Return arguments and options, with types and defaults in words."""
         return [in_words(parameter) for parameter in super().get_params(ctx)]
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a command line. Raises InputError for a rig that is an argument."""
+        kinds = {one.name: one.param_type_name for one in self.get_params(ctx)}
+        takes_rig_only = "rig" in kinds and "argument" not in kinds.values()
+        ctx.allow_extra_args = ctx.allow_extra_args or takes_rig_only
+        others = super().parse_args(ctx, args)
+        if takes_rig_only and others:
+            raise InputError(
+                f"{ctx.info_name} has no argument '{others[0]}'; give the rig by --rig {others[0]}"
+            )
+        return others
 
 
 class Group(typer.core.TyperGroup):

@@ -7,11 +7,17 @@ from typing import Annotated
 import typer
 
 from solver.instrument.errors import InputError
-from solver.instrument.images import CHANNELS
-from solver.instrument.observation import Observations, open_observations, open_rig, tables_beside
+from solver.instrument.images import CHANNELS, image_files
+from solver.instrument.observation import (
+    Observations,
+    frames_beside,
+    open_observations,
+    open_rig,
+    tables_beside,
+)
 from solver.lab.controls import NO_CONTROLS, Controls
 from solver.lab.shots import Files, Source
-from solver.lab.sources import open_source
+from solver.lab.sources import is_camera, open_source
 
 _RIG = typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
 RigOption = Annotated[Path, _RIG]
@@ -46,17 +52,23 @@ def open_inputs(
 ) -> tuple[Observations, Source]:
     """Open the rig with its calibration and rest images, and the source of frames.
 
-    Images are also the frames of the result. `channel` replaces the rig's, for images at rest and
-    for frames.
+    Images are also the frames of the result; of a rig's folder, they are those beside its rig.json.
+    `channel` replaces the rig's, for images at rest and for frames. Raises InputError.
     """
     if rig is not None:
         observations = open_rig(rig)
         used_channel = checked_channel(channel) or observations.rig.channel
         observations = replace(observations, rig=replace(observations.rig, channel=used_channel))
-        source = open_source(sources, readings, used_channel, controls)
+        source = (
+            Files(frames_beside(Path(sources[0]), used_channel))
+            if readings is None and controls == NO_CONTROLS and _is_rig_folder(sources)
+            else open_source(sources, readings, used_channel, controls)
+        )
         frames = source.frames if isinstance(source, Files) else ()
         return replace(observations, frames=frames), source
     root = Path(sources[0])
+    if not (root.exists() or is_camera(sources[0])):
+        raise InputError(f"{root}: does not exist")
     if len(sources) > 1 or not root.is_dir():
         raise InputError(
             f"{sources[0]}: is not a folder of observations, "
@@ -69,6 +81,16 @@ def open_inputs(
         )
     observations = open_observations(root)
     return observations, Files(observations.frames)
+
+
+def _is_rig_folder(sources: list[str]) -> bool:
+    """Return whether the only source is a folder with rig.json and images of pushes."""
+    root = Path(sources[0])
+    return (
+        len(sources) == 1
+        and (root / "rig.json").is_file()
+        and bool(tables_beside(root) or image_files(root / "images"))
+    )
 
 
 def used_tables(sources: list[str], readings: Path | None) -> list[Path]:

@@ -16,6 +16,11 @@ from solver.lab.shots import Files, Source
 VIDEOS: Final = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".webm", ".wmv")
 
 
+def is_camera(name: str) -> bool:
+    """Return whether a source is a camera: its number, address or device."""
+    return name.isdecimal() or "://" in name or name.startswith("/dev/")
+
+
 def open_source(
     names: Sequence[str],
     readings: Path | None = None,
@@ -29,7 +34,7 @@ def open_source(
     on a camera. Raises InputError.
     """
     single_name = names[0] if len(names) == 1 else ""
-    if single_name.isdecimal() or "://" in single_name or single_name.startswith("/dev/"):
+    if is_camera(single_name):
         name = f"camera {single_name}"
         capture = open_capture(int(single_name) if single_name.isdecimal() else single_name)
         set_controls(capture, controls, name)
@@ -65,9 +70,10 @@ def open_source(
 
 def _check_image_file(path: Path) -> None:
     if path.is_dir():
-        images = image_files(path)
-        if images:
-            raise InputError(f"{path}: is a folder, list its images: {path}/*{images[0].suffix}")
+        for folder in (path, path / "images"):
+            if images := image_files(folder):
+                listing = f"{folder}/*{images[0].suffix}"
+                raise InputError(f"{path}: is a folder, list its images: {listing}")
         raise InputError(f"{path}: is a folder without images, allowed are images")
     if not path.is_file():
         raise InputError(f"{path}: does not exist")

@@ -133,6 +133,16 @@ def test_images_and_a_rig_give_what_the_folder_gives(
         assert other["x_c_mm"] == one["x_c_mm"]
 
 
+def test_a_rig_folder_is_a_source_of_its_images(command: CommandLine, root: Path) -> None:
+    assert command(root, "--quiet", "--out", "whole.csv").status == 0
+    ended = command(root, "--rig", root, "--quiet", "--out", "folder.csv")
+    assert ended == (0, "", "")
+    frame_ids = [
+        [row["frame_id"] for row in table(Path(name))] for name in ("whole.csv", "folder.csv")
+    ]
+    assert frame_ids[0] == frame_ids[1]
+
+
 @pytest.mark.false_alarm(0.0, "the values are bounded, whatever is drawn")
 def test_a_stream_is_json_and_nothing_else(
     command: CommandLine, root: Path, images: list[Path]
@@ -230,8 +240,16 @@ def test_a_camera_is_read_until_it_is_lost(
 
 def test_a_mistake_is_one_sentence(command: CommandLine, root: Path, images: list[Path]) -> None:
     rig: list[str | Path] = ["--rig", root / "rig.json"]
+    Path("root/images").mkdir(parents=True)
+    shutil.copy(images[0], "root/images")
     assert "images, a video or a camera need --rig" in command.refused(*images)
-    assert "is not a folder of observations" in command.refused("nowhere")
+    assert "nowhere: does not exist" in command.refused("nowhere")
+    assert "nowhere.png: does not exist" in command.refused("nowhere.png")
+    assert "video or a camera need --rig" in command.refused("0")
+    assert "; give the rig by --rig rig" in command.refused("check", "rig")
+    assert "; give the rig by --rig rig" in command.refused("check", "--json", "rig")
+    assert "warm has no argument 'rig'" in command.refused("warm", *rig, "rig")
+    assert "root: is a folder, list its images:" in command.refused("root", *rig, "--readings", "x")
     assert "none.json: cannot be read" in command.refused(images[0], "--rig", "none.json")
     assert "none.png: does not exist" in command.refused("none.png", *rig)
     assert "camera 97: cannot be opened" in command.refused("97", *rig, "--stream")
