@@ -87,7 +87,7 @@ class Keys:
             return self._misspelt(before)
         for name in section if isinstance(section, dict) else ():
             whole = f"{before}.{name}" if before else name
-            if whole not in self.asked and misspelt(name, last):
+            if whole not in self.asked and _is_misspelt(name, last):
                 return f", and {whole[:_MAX_CHARACTERS]} is unknown"
         return ""
 
@@ -202,7 +202,7 @@ class Keys:
         return str(value)
 
 
-def misspelt(name: str, meant: str) -> bool:
+def _is_misspelt(name: str, meant: str) -> bool:
     """Return whether a key's name seems to be another one, misspelt.
 
     A value and its sigma have similar names, but not the same number of words.
