@@ -152,7 +152,7 @@ def _verdict(
     if frozen is not None and result.digest == frozen.digest:
         return Verdict(entry.key, True, f"is the suite's, digest {result.digest}")
     if frozen is not None and frames_digest(root) == frozen.frames:
-        sentence = "frames are the suite's; its digests were frozen with another version of the program"
+        sentence = "frames are the suite's; its digests are of another version of the program"
         return Verdict(entry.key, True, sentence)
     own = "scene, seed and files are the suite's"
     if frozen is None:
