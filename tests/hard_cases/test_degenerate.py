@@ -93,6 +93,7 @@ def test_whatever_the_points_there_is_an_outcome(name: str, points: Floats) -> N
     sound(name, with_points(FLAT, points))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scale", [0.0, 1e-12, 1e-6, -1.0, 1e3, 1e8])
 @pytest.mark.parametrize("name", NAMES)
 def test_whatever_the_sigmas_there_is_an_outcome(name: str, scale: float) -> None:

@@ -75,6 +75,7 @@ NO_PUSH = [
 ASKS_NO_MISFIT = {"two_point", "three_point", "moment_sensor", "stiffness", "linear_fit"}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", sorted(METHODS))
 @pytest.mark.parametrize("name", NO_PUSH)
 def test_no_numbers_without_a_pushed_beam(

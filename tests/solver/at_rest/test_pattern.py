@@ -54,6 +54,7 @@ def test_a_pattern_that_the_noise_of_an_image_would_hide_is_none() -> None:
     assert not len(pattern_of(S, dirt(S, 1, 0.05), sigma, 1e-6))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_the_share_is_that_of_the_pattern_that_follows(
     share: float, random: np.random.Generator

@@ -46,6 +46,7 @@ def errors(name: str, seen_by: Camera, pose: Floats, samples: tuple[int, int] = 
     return found.pixels - seen_by.project(apply(pose, board.corners()))[found.numbers]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", BOARDS)
 @pytest.mark.parametrize("number", [0, 1])
 def test_points_lie_where_they_are_drawn(name: str, number: int) -> None:

@@ -87,6 +87,7 @@ def visible(pixels: Floats, roll: float) -> int:
     return int(steps.sum())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("look", "roll", "theta"),
     [
@@ -178,6 +179,7 @@ def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(
     assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.014
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("offset_px", [0.0, 0.2, 0.9])
 def test_columns_that_a_beam_along_one_row_did_not_show_are_not_foreign(
     offset_px: float, random: np.random.Generator

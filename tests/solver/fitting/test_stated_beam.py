@@ -54,6 +54,7 @@ def with_tip(taper: float, place: float, load: float) -> Measurement:
     return replace(taken, view=replace(taken.view, tip=tip, viewpoint=viewpoint))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place", [0.4, 0.6, 0.8])
 def test_a_taper_that_the_rig_excludes_is_refused_in_an_unknown_plane(place: float) -> None:
     refused = exact_fit_3d(with_tip(-0.2, place, 1.2))

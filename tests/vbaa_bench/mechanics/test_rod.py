@@ -260,6 +260,7 @@ def whisker(tip_ratio: float, bow: float, x_0: float) -> tuple[Rod, Obstacle]:
 WHISKERS = [(0.3, 0.1), (0.1, -0.1), (0.05, 0.1), (0.02, 0.0), (0.02, -0.1)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("tip_ratio", "bow"), WHISKERS)
 def test_the_motor_does_the_work_of_bending_a_whisker(tip_ratio: float, bow: float) -> None:
     """The energy is from the curvature of the centreline alone, the work from the clamp's moment.

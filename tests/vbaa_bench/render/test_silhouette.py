@@ -40,6 +40,7 @@ def traced(world: World, pixels: np.ndarray, silhouette: Silhouette | None, seed
     return trace(world, pixels, np.full(len(pixels), 8), scene_seed(seed), "whole", SETS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("width_px", [0.3, 1.6])
 @pytest.mark.parametrize(("angle_deg", "shift_px"), PLACES)
 def test_its_overlap_is_what_the_beam_covers(

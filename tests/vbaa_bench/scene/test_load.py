@@ -45,6 +45,7 @@ def shipped(request: pytest.FixtureRequest) -> SceneFile:
     return load_scene(request.param)
 
 
+@pytest.mark.thorough
 def test_a_recorded_scene_is_the_same_scene(shipped: SceneFile) -> None:
     record = json.loads(json.dumps(shipped.scene.model_dump(mode="json")))
     assert recorded_scene(record, shipped.folder).scene == shipped.scene
@@ -314,7 +315,7 @@ def test_draws_is_another_name_of_repeats(tmp_path: Path) -> None:
         ("object=3", "a section of keys"),
         ("lights=3", "a list"),
         ("beam.extensible=maybe", "true or false"),
-        ("title=3", "a text"),
+        ("title=3", "a text, in quotes if it looks like a number"),
     ],
 )
 def test_what_is_allowed_is_said_in_the_words_of_yaml(setting: str, allowed: str) -> None:

@@ -122,6 +122,7 @@ def test_page_and_table_of_the_leaderboard(
     assert rows[1]["time_rank"] == ""
 
 
+@pytest.mark.thorough
 def test_code_is_run_on_a_fresh_seed_and_the_page_says_so(
     ran: SuiteFolder, tmp_path: Path, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
