@@ -107,7 +107,7 @@ def _without_place(text: str, fuzz: Path) -> str:
 
     Files of results hold times: the same mistake meets other bytes in each run.
     """
-    text = re.sub(rf"{re.escape(str(fuzz))}(/work/child_\d+/)?", "", text)
+    text = re.sub(rf"{re.escape(str(fuzz))}(/\w+/child_\d+/)?", "", text)
     return re.sub(r"\(.*\)", "(...)", text)
 
 

@@ -106,17 +106,8 @@ class BeamExtractor:
         if not len(places):
             return np.empty((0, 2))
         fits, at_rest = self._fit(image, places, ground)
-        appearance = self.appearance
         brightness, misfit, _, _ = self._compared(fits, at_rest)
-        flags = flag_columns(
-            brightness,
-            misfit,
-            fits.sigma,
-            fits.amplitude,
-            fits.amplitude_sigma,
-            fits.saturated,
-            appearance.in_part,
-        )
+        flags = self._flags(fits, brightness, misfit)
         good = flags == 0
         along, centre = places.along[good], fits.centre[good]
         upright = places.upright[good, None]
@@ -144,6 +135,14 @@ class BeamExtractor:
             fits.amplitude, fits.chi2, fits.dof, fits.sigma,
             at_rest, appearance.misfit, appearance.sigma_px,
         )  # fmt: skip
+
+    def _flags(self, fits: Fits, brightness: Floats, misfit: Floats) -> npt.NDArray[np.uint8]:
+        """Flag columns (n,) that do not look like the beam at rest."""
+        flags: npt.NDArray[np.uint8] = flag_columns(
+            brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated,
+            self.appearance.in_part,
+        )  # fmt: skip
+        return flags
 
     def _measure(self, image: Grey, flat: Grey, ground: Ground | None, path: Path) -> Centreline:
         """Measure the centreline along a path, before a known ground if there is one.
@@ -188,20 +187,11 @@ class BeamExtractor:
         self, image: Grey, flat: Grey, ground: Ground | None, places: Stations
     ) -> "_Columns":
         """Fit the columns at n stations, flag outliers, and find the tip."""
-        appearance = self.appearance
         fits, at_rest = self._fit(image, places, ground)
         brightness, misfit, noise, sigma = self._compared(fits, at_rest)
-        flags = flag_columns(
-            brightness,
-            misfit,
-            fits.sigma,
-            fits.amplitude,
-            fits.amplitude_sigma,
-            fits.saturated,
-            appearance.in_part,
-        )
+        flags = self._flags(fits, brightness, misfit)
         length_px = self.guide.length / self.guide.pixel
-        tip = find_tip(flat, places, flags, fits, appearance)
+        tip = find_tip(flat, places, flags, fits, self.appearance)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
         if tip is not None and not LIMITS.min_length < tip.length / length_px < LIMITS.max_length:
             tip = None

@@ -11,9 +11,14 @@ from solver.centreline.rest_columns import RestColumns
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
+# Where a thin beam lies along one row of pixels, the images hardly determine its section: a prior
+# does. The width over the rig's is 1 in a sharp image; sharpening and defocus change its logarithm
+# by up to 0.35, so that this prior has long tails. Light from the front leaves no skew. Chosen, but
+# for the roundness: that of 22 rigs of random/rigs.yaml.
+WIDTH_SIGMA, ROUNDNESS, ROUNDNESS_SIGMA, SKEW_SIGMA = 0.02, 1.3, 0.9, 0.3
 # Start values: diameter over the rig's, spread, roundness, skew, taper. A sharpened beam looks
 # narrower than it is, a defocused one wider.
-SHARP_STARTS = ((1.0, 0.05, 1.3, 0.0, 0.0),)
+SHARP_STARTS = ((1.0, 0.05, ROUNDNESS, 0.0, 0.0),)
 STARTS = ((1.0, 0.3, 1.0, 0.0, 0.0), (1.0, 0.8, 0.5, 0.0, 0.0))
 PROCESSED_STARTS = tuple((scale, *rest) for scale in (0.7, 1.4) for _, *rest in STARTS)
 
@@ -46,11 +51,6 @@ TRIED_TAPER, MIN_GAIN = 0.1, 10.8
 ALIKE = 9.0
 # What a section that describes nothing costs.
 _NOTHING = 1e12
-# Where a thin beam lies along one row of pixels, the images hardly determine its section: a prior
-# does. The width over the rig's is 1 in a sharp image; sharpening and defocus change its logarithm
-# by up to 0.35, so that this prior has long tails. Light from the front leaves no skew. Chosen, but
-# for the roundness: that of 22 rigs of random/rigs.yaml.
-WIDTH_SIGMA, ROUNDNESS, ROUNDNESS_SIGMA, SKEW_SIGMA = 0.02, 1.3, 0.9, 0.3
 
 
 def find_sections(rest: RestColumns) -> list[Section]:

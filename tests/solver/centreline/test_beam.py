@@ -163,20 +163,27 @@ def test_a_beam_that_gets_thinner_is_measured_as_far_as_a_uniform_one() -> None:
     assert learned().appearance.section.taper == pytest.approx(0.0, abs=0.05)
 
 
+def learned_along_a_row(
+    tilt: float, offset_px: float, random: np.random.Generator
+) -> tuple[Centreline, Floats]:
+    """The centreline of a pushed thin beam that lay along a row of pixels, and its true pixels."""
+    thin = replace(BRIGHT, radius_px=0.78, spread_px=0.05, roundness=1.5)
+    at_rest, pushed_shape = (
+        bent(theta, tilt=tilt, offset=offset_px * METRES_PER_PIXEL) for theta in (0.0, 0.25)
+    )
+    rest = drawn(guide(), at_rest, thin)
+    beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
+    return seen(drawn(guide(), pushed_shape, thin), beam), guide().pixels(pushed_shape)
+
+
 @pytest.mark.parametrize("offset_px", [0.2, 0.3])
 def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(
     offset_px: float, random: np.random.Generator
 ) -> None:
     # It crosses a quarter of a row, which leaves its width, roundness and skew almost undetermined.
-    thin = replace(BRIGHT, radius_px=0.78, spread_px=0.05, roundness=1.5)
-    at_rest, pushed_shape = (
-        bent(theta, tilt=1e-3, offset=offset_px * METRES_PER_PIXEL) for theta in (0.0, 0.25)
-    )
-    rest = drawn(guide(), at_rest, thin)
-    beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
-    line = seen(drawn(guide(), pushed_shape, thin), beam)
+    line, pixels = learned_along_a_row(1e-3, offset_px, random)
     assert len(line.points) > 200
-    assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.014
+    assert distances(line.points, pixels).std() < 0.014
 
 
 @pytest.mark.thorough
@@ -185,15 +192,9 @@ def test_columns_that_a_beam_along_one_row_did_not_show_are_not_foreign(
     offset_px: float, random: np.random.Generator
 ) -> None:
     """Its profile was seen at one place between the pixels: elsewhere it fits less well."""
-    thin = replace(BRIGHT, radius_px=0.78, spread_px=0.05, roundness=1.5)
-    at_rest, pushed_shape = (
-        bent(theta, tilt=2e-4, offset=offset_px * METRES_PER_PIXEL) for theta in (0.0, 0.25)
-    )
-    rest = drawn(guide(), at_rest, thin)
-    beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
-    line = seen(drawn(guide(), pushed_shape, thin), beam)
+    line, pixels = learned_along_a_row(2e-4, offset_px, random)
     assert len(line.points) > 200
-    assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.1
+    assert distances(line.points, pixels).std() < 0.1
 
 
 @pytest.mark.thorough
