@@ -1,9 +1,10 @@
 """Detection of chequered targets: corners by OpenCV, refined to the saddle points."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.thresholds import LIMITS
@@ -17,6 +18,15 @@ BLUR_PX: Final = 1.5
 # away, and the edges of the next corner begin at half. Measured on 40 rigs drawn at random: from
 # 0.25 to 0.45, the median reprojection error fell from 0.066 to 0.031 px, beyond it no further.
 _SEARCH, _SEARCH_BETWEEN_MARKERS = 0.45, 0.2
+# Distance, in squares, within which a marker is in its place on the board, and the least number of
+# markers by which a board of another size is recognised. Chosen: wrong places are whole squares
+# off, and a pattern in the picture may be taken for a marker.
+_IN_PLACE, _MIN_MARKERS = 0.25, 6
+# Least share of the markers in place. Chosen: on a board of another size, up to two thirds of them
+# can be in place, sheared.
+_SHARE_IN_PLACE: Final = 0.9
+# Numbers of columns of squares that are tried.
+_COLUMNS: Final = range(3, 41)
 
 
 def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
@@ -92,9 +102,12 @@ def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
     enlarged = np.asarray(
         cv2.resize(eight_bit(view), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8
     )
-    detection = _marked_corners(enlarged, board)
+    detection, markers = _marked_corners(enlarged, board)
+    other = _other_charuco(markers, board, detection is not None)
+    if other:
+        raise InputError(f"a calibration view shows {other}")
     if detection is None:
-        mirrored = _marked_corners(np.ascontiguousarray(enlarged[:, ::-1]), board)
+        mirrored, _ = _marked_corners(np.ascontiguousarray(enlarged[:, ::-1]), board)
         if mirrored is not None and len(mirrored) >= LIMITS.min_target_points:
             raise InputError(
                 "the images are mirrored: the board's markers can be read only in their mirror "
@@ -104,21 +117,78 @@ def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
     return _refine(view, detection, board, _SEARCH_BETWEEN_MARKERS)
 
 
-def _marked_corners(enlarged: Grey, board: Charuco) -> BoardDetection | None:
+class _Markers(NamedTuple):
+    """Markers in a view: `numbers` (n,), and their `centres` (n, 2) [px]."""
+
+    numbers: npt.NDArray[np.int64]
+    centres: Floats
+
+
+def _marked_corners(enlarged: Grey, board: Charuco) -> tuple[BoardDetection | None, _Markers]:
     """Detect a board, of either layout, in a view of twice the size (height, width)."""
     dictionary = cv2.aruco.getPredefinedDictionary(
         getattr(cv2.aruco, f"DICT_{board.dictionary.upper()}")
     )
     size = (board.columns + 1, board.rows + 1)
+    markers = _Markers(np.zeros(0, np.int64), np.zeros((0, 2)))
     for legacy in (False, True):
         aruco_board = cv2.aruco.CharucoBoard(size, 1.0, 0.6, dictionary)
         aruco_board.setLegacyPattern(legacy)
-        corners, numbers, _, _ = cv2.aruco.CharucoDetector(aruco_board).detectBoard(enlarged)
+        corners, numbers, outlines, marker_numbers = cv2.aruco.CharucoDetector(
+            aruco_board
+        ).detectBoard(enlarged)
+        if marker_numbers is not None and len(marker_numbers) > 0:
+            centres = np.reshape(outlines, (-1, 4, 2)).mean(axis=1).astype(np.float64)
+            markers = _Markers(marker_numbers.ravel().astype(np.int64), centres)
         if numbers is not None and len(numbers) > 0:
             order = np.argsort(numbers.ravel())
             pixels = (corners.reshape(-1, 2)[order] - 0.5) / 2
-            return BoardDetection(numbers.ravel()[order].astype(np.int64), pixels)
-    return None
+            return BoardDetection(numbers.ravel()[order].astype(np.int64), pixels), markers
+    return None, markers
+
+
+def _other_charuco(markers: _Markers, board: Charuco, seen: bool) -> str:
+    """Say how many corners the board with these markers has, if not as many as `board`; or "".
+
+    `seen`: corners of `board` were detected.
+    """
+    if len(markers.numbers) < _MIN_MARKERS:
+        return ""
+    columns = board.columns + 1
+    rows = _rows_in_place(markers, columns)
+    if len(rows) < _SHARE_IN_PLACE * len(markers.numbers):
+        columns = max((columns, *_COLUMNS), key=lambda count: len(_rows_in_place(markers, count)))
+        rows = _rows_in_place(markers, columns)
+        if len(rows) < _SHARE_IN_PLACE * len(markers.numbers):
+            return ""
+    # One marker below the last row may be a pattern in the picture.
+    too_many = np.sort(rows)[-2] > board.rows
+    too_few = not seen and rows.max() < board.rows
+    if columns == board.columns + 1 and not too_many and not too_few:
+        return ""
+    return (
+        f"markers of a board of {columns - 1} x {rows.max()} inner corners or more rows, and "
+        f"board.columns and board.rows of rig.json are {board.columns} and {board.rows}; inner "
+        "corners are one fewer than squares"
+    )
+
+
+def _rows_in_place(markers: _Markers, columns: int) -> npt.NDArray[np.int64]:
+    """Return the rows of squares of the markers that are in place on a board of so many columns.
+
+    White squares have the markers. `first` is the number of black squares before the first white
+    one: one, or none on some boards of before OpenCV 4.6.
+    """
+    found = np.zeros(0, np.int64)
+    for first in (1, 0):
+        row, column = np.divmod(2 * markers.numbers + first, columns)
+        if columns % 2 == 0:
+            column[row % 2 == 1] += 1 - 2 * first
+        places = np.column_stack([column, row]).astype(np.float64)
+        _, valid = cv2.findHomography(markers.centres, places, cv2.RANSAC, _IN_PLACE)
+        if valid is not None and np.count_nonzero(valid) > len(found):
+            found = row[valid.ravel() == 1]
+    return found
 
 
 def _refine(

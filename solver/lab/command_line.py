@@ -118,6 +118,7 @@ def solve(
     )
     if target:
         prepare_output_path(target)
+    replaces = target is not None and target.exists()
     _check_overlay(overlay, source)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
@@ -157,15 +158,16 @@ def solve(
     if target and not (quiet or stream):
         # EI is not what limits the forces of a rig that contradicts its images.
         accuracy = () if contradictions else expected_accuracy(ordered_rows, antenna.rig)
-        _show(ordered_rows, method, target, accuracy)
+        where = f"{target}, which replace those of before" if replaces else str(target)
+        _show(ordered_rows, method, where, accuracy)
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
         console.print("interrupted: the estimates so far are kept")
         raise typer.Exit(130)
 
 
-def _show(rows: list[Row], method: str, target: Path, accuracy: Sequence[str]) -> None:
+def _show(rows: list[Row], method: str, where: str, accuracy: Sequence[str]) -> None:
     Console().print(table(rows, method))
-    for line in (*reasons(rows), *accuracy, f"{len(rows)} estimates in {target}"):
+    for line in (*reasons(rows), *accuracy, f"{len(rows)} estimates in {where}"):
         Console(soft_wrap=True).print(line, markup=False)
 
 

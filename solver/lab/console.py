@@ -89,7 +89,8 @@ def table(rows: list[Row], method: str) -> Table:
     rich_table = Table(title=escape(method))
     columns = ("frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
     for column in (*columns, "image_ms"):
-        rich_table.add_column(column)
+        # In two lines, all heads fit into a terminal of 80 characters.
+        rich_table.add_column(column.replace("_sigma", "\n_sigma"))
     names = short_names([str(cells["frame_id"]) for cells in rows])
     for name, cells in zip(names, rows, strict=True):
         values = [cells[column] for column in (*columns[1:], "image_ms")]

@@ -11,6 +11,7 @@ from solver.at_rest.landmarks import FARTHEST
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.fitting.first_contact import nearest_linear_bend
 from solver.fitting.thresholds import LIMITS
+from solver.instrument.board import Charuco
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import CHECKED_FRAMES
@@ -143,6 +144,8 @@ def _pose(antenna: Antenna) -> Iterator[Finding]:
     angle_sigma = math.hypot(
         tolerance.board_rotation, uncertainty.turn, math.sqrt(rest.line_covariance[1, 1])
     )
+    # Rows that the image does not show move the board's centre, to which the pose refers.
+    or_rows = ", board.rows" if isinstance(rig.board, Charuco) else ""
     # Where no bow was subtracted, the line is that through a sagging beam.
     sag = 0.0 if rest.bow.any() else rig.sag_in_plane[1]
     offset = rest.y_at_clamp - rig.base_position[1] - SAG_OFFSET * sag
@@ -159,8 +162,9 @@ def _pose(antenna: Antenna) -> Iterator[Finding]:
         yield Finding(
             "pose_inconsistent",
             f"the beam at rest leaves the clamp {offset / MILLIMETRE:.3f} mm along y from "
-            f"base.position_mm (sigma {offset_sigma / MILLIMETRE:.3f} mm): base.position_mm or "
-            "board.antenna_from_board_translation_mm is wrong, or their sigmas are too small",
+            f"base.position_mm (sigma {offset_sigma / MILLIMETRE:.3f} mm): base.position_mm"
+            f"{or_rows} or board.antenna_from_board_translation_mm is wrong, or their sigmas are "
+            "too small",
         )
 
 

@@ -98,10 +98,8 @@ def test_labels_are_chosen(tmp_path: Path) -> None:
     assert arrays(root, labels=[])[0]["labels"] == {}
     first = next(r for r in arrays(root, labels=["contact_antenna_mm"]) if r["frame_id"] == "0000")
     assert np.isnan(first["labels"]["contact_antenna_mm"]).all()
-    for name in ("model", "nothing"):
-        with pytest.raises(
-            InputError, match=rf"the label '{name}' is no column of numbers .*x_c_mm"
-        ):
+    for name, hint in (("model", "known are .*x_c_mm"), ("force_nn", "did you mean force_n")):
+        with pytest.raises(InputError, match=rf"'{name}' is no column of numbers .*; {hint}"):
             arrays(root, labels=[name])
 
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError, quoted, suggestion
 
 HAS_CONTACT: Final = pl.col("x_c_mm").is_not_null()
 # A rigid object has compliance 0; without contact the compliance is null. A column without any
@@ -50,12 +50,12 @@ def select_labels(truth: pl.LazyFrame, labels: Sequence[str]) -> pl.LazyFrame:
 
 
 def check_labels(labels: Sequence[str], existing: Collection[str], root: Path) -> None:
-    """Raise InputError, which lists the labels of a dataset, unless all `labels` are among them."""
+    """Raise InputError, which suggests another label, unless all `labels` are `existing` ones."""
     for name in labels:
         if name not in existing:
             raise InputError(
-                f"{root}: the label {quoted(name)} is no column of numbers of the truth, allowed "
-                f"are {', '.join(sorted(existing))}"
+                f"{root}: the label {quoted(name)} is no column of numbers of the truth; "
+                f"{suggestion(name, sorted(existing))}"
             )
 
 

@@ -35,8 +35,8 @@ class Submission(Part):
     authors: Annotated[tuple[Sentence, ...], Field(min_length=1)]
     licence: Sentence = Field(description="Licence of the method, such as Apache-2.0.")
     hardware: Sentence = Field(description="Machine on which stated times were measured.")
-    link: Annotated[str, Field(pattern=r"^https?://\S+$")] = Field(
-        description="Page of the method: code, paper or contact."
+    link: Annotated[str, Field(pattern=r"^https?://\S+$")] | None = Field(
+        default=None, description="Page of the method: code, paper or contact."
     )
     predictions: dict[str, Sentence] | None = Field(
         default=None, description="Predictions files by dataset, such as lite/quickstart."

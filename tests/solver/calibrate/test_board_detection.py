@@ -140,3 +140,29 @@ def test_a_board_with_markers_is_read_in_either_layout_and_never_mirrored(
     for mirrored in (view[:, ::-1], view[::-1]):
         with pytest.raises(InputError, match="the images are mirrored: the board's markers"):
             detect_board(np.ascontiguousarray(mirrored), board)
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(11, 8), (9, 8), (8, 10), (12, 6), (10, 6)])
+def test_markers_show_a_board_of_another_size(
+    columns: int, rows: int, random: np.random.Generator
+) -> None:
+    view = drawn(
+        Charuco(10, 8, SQUARE, "4x4_100"), camera(), MIDDLE, random, samples=21, generator=13
+    )
+    with pytest.raises(InputError, match="markers of a board of 10 x 8 inner corners or more"):
+        detect_board(view, Charuco(columns, rows, SQUARE, "4x4_100"))
+
+
+def test_rows_that_the_view_does_not_show_may_exist(random: np.random.Generator) -> None:
+    """Of a board of the layout before OpenCV 4.6 their number decides about the colours."""
+    stated = Charuco(10, 8, SQUARE, "4x4_100")
+    for kind, readable in ((Charuco, True), (OldCharuco, False)):
+        board = kind(10, 7, SQUARE, "4x4_100")
+        view = drawn(board, camera(), MIDDLE, random, samples=21, generator=13)
+        if readable:
+            found = detect_board(view, stated)
+            assert found is not None
+            assert found.numbers.max() < 70
+        else:
+            with pytest.raises(InputError, match="markers of a board of 10 x 7 inner corners"):
+                detect_board(view, stated)

@@ -31,6 +31,8 @@ def test_predictions_and_code_that_can_be_sent(
     assert check_submission(folder) == []
     assert read_submission(folder).run_name == "mine"
     code = write_submission(tmp_path / "code", suite, "code: mine:halfway", {"mine.py": CODE})
+    path = code / "method.yaml"
+    path.write_text(path.read_text(encoding="utf-8").replace("link:", "# link:"), encoding="utf-8")
     assert check_submission(code) == []
     assert read_submission(code).run_name == "mine.halfway"
 
