@@ -98,6 +98,7 @@ def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -
             verify(one.root, repair=True)
 
 
+@pytest.mark.thorough
 def test_the_commands_of_the_page_use_the_module(folder: Path) -> None:
     (text,) = blocks("sh")
     lines = [line.partition("#")[0].split()[1:] for line in text.splitlines()]

@@ -155,6 +155,7 @@ def same(one: Estimate, other: Estimate) -> bool:
     )
 
 
+@pytest.mark.thorough
 def test_how_an_image_lies_in_memory_does_not_matter(dataset: Path, antenna: Antenna) -> None:
     frame = open_observations(dataset / "observations").frames[1]
     image = frame.image()

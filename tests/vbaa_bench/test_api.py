@@ -30,6 +30,7 @@ from vbaa_bench.workers import machine
 from vbaa_bench.workers.jobs import SameProcess
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "module", [vb, frame_module, scene_module, shipped, preview], ids=lambda m: m.__name__
 )
@@ -53,6 +54,7 @@ def scored(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> vb.Datase
     return data
 
 
+@pytest.mark.thorough
 def test_examples_with_a_scored_dataset_run(
     scored: vb.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

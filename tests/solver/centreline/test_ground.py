@@ -95,6 +95,7 @@ def test_the_section_is_learned_although_the_ground_looks_like_beam() -> None:
     assert abs(width / np.hypot(THIN.radius_px / 2, THIN.spread_px) - 1) < 0.35  # 0.17 +- 0.03
 
 
+@pytest.mark.thorough
 def test_a_ground_that_moves_against_the_camera_is_not_subtracted() -> None:
     beam = learned()
     for moved in (np.roll(felt(0), 9, axis=1), felt(1)):

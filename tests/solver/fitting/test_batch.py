@@ -99,6 +99,7 @@ def test_two_fifths_of_gross_outliers_cost_little_more_than_their_points(
     assert 1.6 < mean_chi2(error, stated) < 2.4  # 2 +- 0.08
 
 
+@pytest.mark.thorough
 def test_one_frame_alone_gets_the_same_answer() -> None:
     points, _, _ = pushed_points(0.15, 0.1)
     frames = noisy(points, 3)

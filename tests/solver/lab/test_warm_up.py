@@ -50,6 +50,7 @@ print(sorted(signatures() - before))
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["exact_fit", "push_fit"])
 def test_nothing_is_compiled_after_the_warm_up(dataset: Path, method: str) -> None:
     command = [

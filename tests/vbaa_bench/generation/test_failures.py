@@ -191,6 +191,7 @@ def test_processes_that_die_for_other_reasons_end_the_command(tmp_path: Path) ->
         poisoned(tmp_path).generate(pool, quiet)
 
 
+@pytest.mark.thorough
 def test_a_frame_that_cannot_be_rendered_is_recorded(
     file: SceneFile, variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
