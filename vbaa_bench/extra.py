@@ -22,4 +22,7 @@ def remedy(error: ModuleNotFoundError) -> str | None:
     module = (error.name or "").partition(".")[0]
     if module not in MODULES:
         return None
-    return f"{module} is not installed: pip install 'vbaa-bench[bench]' adds renderer and scores"
+    return (
+        f"{module} is not installed: pip install 'vbaa-bench[bench]', or '.[bench]' in a copy of "
+        "the repository, adds renderer and scores"
+    )

@@ -14,9 +14,17 @@ from solver.instrument.errors import InputError, quoted
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.rig_json import rig_to_json
 from solver.instrument.units import GRAM, MILLIMETRE
-from solver.lab.console import console, setting_up
+from solver.lab.console import console, setting_up, show_findings
 from solver.lab.controls import NO_CONTROLS
-from solver.lab.input_options import ChannelOption, OtherRigOption, ReadingsOption, open_inputs
+from solver.lab.file_findings import file_findings
+from solver.lab.findings import findings
+from solver.lab.input_options import (
+    ChannelOption,
+    OtherRigOption,
+    ReadingsOption,
+    open_inputs,
+    used_tables,
+)
 from solver.lab.writing import prepare_output_path, write
 from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import frames_to_learn, learn_from_frames, measurement_of
@@ -88,6 +96,8 @@ def learn(
         prepare_output_path(path)
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
+    of_files = file_findings(files, used_tables(sources, readings))
+    show_findings((*of_files, *findings(antenna)), rig or files.root)
     # A weight does not push against the beam's normal.
     hung = {hung_weight[0]} if hung_weight else set()
     images = frames_to_learn([frame for frame in files if frame.frame_id not in hung])

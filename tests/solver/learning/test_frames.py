@@ -128,11 +128,13 @@ def test_learn_takes_images_with_readings_or_a_laboratorys_folder(
     root = laboratory(observations, tmp_path)
     images, table = sorted(map(str, root.glob("images/*.png"))), str(root / "images/metadata.csv")
     out = ("--out", str(tmp_path / "learned.json"))
+    (root / "rest" / "rest1.png").write_bytes(b"")
     assert run(monkeypatch, "learn", str(root), *out) == 2
+    assert "warning: not used: rest/rest1.png" in capfd.readouterr().err
     assert run(monkeypatch, "learn", *images, "--rig", str(root), "--readings", table, *out) == 2
     assert run(monkeypatch, "learn", *images, "--rig", str(root), *out) == 2
     said = capfd.readouterr().err
-    assert said.count("nothing is learned here") == 3
+    assert said.count("nothing is learned here") == 2
     expected = {f.path.name: (f.push_id, f.readings.motor_angle) for f in observations.frames}
     for frames in given[:2]:
         pushes = {f.path.name: (f.push_id, f.readings.motor_angle) for f in frames}
