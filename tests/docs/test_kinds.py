@@ -93,7 +93,7 @@ def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -
         assert score(one.root).table()["n"].to_list() == [2]
         # Only what renders again needs the module, and says so.
         (folder / "by_1/observations/shard_00000").rename(folder / "lost")
-        missing = r"scene: lights\[0\]\.kind is 'sun', .*\n.*\n.* object\.kind is 'hex_bar', "
+        missing = r"identity.json: lights\[0\]\.kind is 'sun', .*\n.*\n.* object\.kind is 'hex_"
         with pytest.raises(InputError, match=f"{missing}.*; a kind of your own needs --module$"):
             verify(one.root, repair=True)
 

@@ -77,7 +77,8 @@ def _check_shards(parts: Sequence[Layout]) -> None:
                     f"{part.root}: overlaps {owner.root}, both have {shard_name(number)}; merge "
                     "each part once"
                 )
-    scene = recorded_scene(read_json(parts[0].manifest)["scene"], parts[0].root).scene
+    manifest = parts[0].manifest
+    scene = recorded_scene(read_json(manifest)["scene"], manifest, parts[0].files).scene
     numbers = range(Frames(scene).shards)
     missing = [shard_name(number) for number in numbers if number not in owners]
     if missing:

@@ -196,5 +196,5 @@ def dataset_worker(root: Path, identity: str, variant: str, threads: int) -> Dat
     values = read_json(layout.identity)["scene"]
     if sha256(layout.identity) != identity:
         raise InputError(f"{layout.identity}: has changed while the command ran; repeat it")
-    file = recorded_scene({"title": root.name, **values}, layout.files)
+    file = recorded_scene({"title": root.name, **values}, layout.identity, layout.files)
     return DatasetWorker(file, layout, variant, threads)

@@ -94,14 +94,14 @@ def _damaged_rigs(layout: CollectionLayout, faults: Collection[Fault]) -> list[i
 
 def _scene_of_dataset(layout: Layout) -> SceneFile:
     """Return the scene that identity.json or else manifest.json records. Raises InputError."""
-    title, values = layout.root.name, None
+    title, values, source = layout.root.name, None, layout.manifest
     for path, migrated in (
         (layout.manifest, migrated_manifest),
         (layout.identity, migrated_identity),
     ):
         try:
             document = migrated(path, read_json(path))
-            values = document["scene"]
+            values, source = document["scene"], path
             title = values.get("title", title)
         except (InputError, KeyError, AttributeError):
             continue
@@ -112,7 +112,7 @@ def _scene_of_dataset(layout: Layout) -> SceneFile:
             )
     if values is None:
         raise InputError(f"{layout.root}: both records of its scene are damaged; state --scene")
-    return recorded_scene({**values, "title": title}, layout.files)
+    return recorded_scene({**values, "title": title}, source, layout.files)
 
 
 def _variant(layouts: Collection[Layout]) -> str | None:

@@ -85,7 +85,7 @@ def dataset_limits(root: Path, variant: str, workers: int, progress: Progress) -
     """
     layout = Layout(root)
     truth = open_truth(layout.truth, centrelines=False)
-    file = recorded_scene(truth.manifest["scene"], layout.files)
+    file = recorded_scene(truth.manifest["scene"], layout.manifest, layout.files)
     rows = truth.frames.select("frame_id", pl.col("hidden_stretches_mm").fill_null([]))
     hidden: Hidden = dict(rows.iter_rows())
     frames = Frames(file.scene)

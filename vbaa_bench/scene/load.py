@@ -245,19 +245,18 @@ def check_scene(keys: Mapping[str, Any]) -> SceneFile:
     return _checked(path, as_document(keys, path), {})
 
 
-def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
-    """Return the scene of a dataset from its manifest's values.
+def recorded_scene(values: Mapping[str, Any], path: Path, folder: Path) -> SceneFile:
+    """Return the scene of a dataset from the values in `path`, its manifest or identity.
 
     `folder` contains the files that the scene names. Raises InputError.
     """
-    path = folder / "scene"
     try:
         scene = Scene.model_validate(recorded_values(values, path))
     except ValidationError as error:
         # Such as a dataset of a version in which other scenes were allowed.
         mistakes = listed_mistakes(path, as_document(values, path), error.errors())
         raise InputError("\n".join(mistakes)) from error
-    return SceneFile(path, scene, CommentedMap())
+    return SceneFile(path, scene, CommentedMap(), _folder=folder)
 
 
 def recorded_values(values: Mapping[str, Any], path: Path) -> dict[str, Any]:

@@ -33,10 +33,11 @@ class Bodies:
     """
 
     def __init__(self, truth: Truth, trials: Collection[int]) -> None:
-        self.reason, self._folder = "", Layout(truth.root.parent).files
+        layout = Layout(truth.root.parent)
+        self.reason, self._folder = "", layout.files
         self._specs: dict[int, FrameSpec] = {}
         try:
-            file = recorded_scene(truth.manifest["scene"], self._folder)
+            file = recorded_scene(truth.manifest["scene"], layout.manifest, layout.files)
             frames = Frames(file.scene)
             planned = plan(file, pushes={frames.push_of(trial) for trial in trials})
         except (InputError, EquilibriumError) as error:

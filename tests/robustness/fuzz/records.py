@@ -69,6 +69,6 @@ class Records:
         elif name == "truth/manifest.json" and chance.random() < 0.5:
             scene = read_json(path).get("scene")
             if isinstance(scene, dict):
-                recorded_scene(scene, root)
+                recorded_scene(scene, path, root)
         else:
             chance.choice(tuple(USES.values()))(root)

@@ -127,7 +127,7 @@ def test_all_files_that_may_be_drawn_belong_to_the_identity(
     identity = json.loads(layout.identity.read_text())
     assert set(identity["files"]) == {"a.png", "b.png", "a.stl", "meshes/b.stl"}
     # So they do in the scene of a worker, which is read from the identity.
-    recorded = recorded_scene({"title": "x", **identity["scene"]}, layout.files)
+    recorded = recorded_scene({"title": "x", **identity["scene"]}, layout.identity, layout.files)
     assert file_digests(recorded) == identity["files"]
     assert check_identity(layout, dataset_identity(file, "scalar_rgb")) == "same"
 
@@ -204,7 +204,7 @@ def test_a_mesh_that_is_damaged_while_pushes_are_drawn_is_no_impossible_draw(
 ) -> None:
     values = json.loads(layout.identity.read_text())["scene"]
     values["pushes"]["repeats"] = 40  # at least one of 40 pushes has a mesh
-    copy = recorded_scene({"title": "x", **values}, layout.files)
+    copy = recorded_scene({"title": "x", **values}, layout.identity, layout.files)
     rig, frames = true_rig(copy.scene), Frames(copy.scene)
     pushes = Pushes(copy, rig, PushSolver(copy.scene, rig, copy.folder))
     kinds = [frames.of_push(n)[0].scene.object.kind for n in range(frames.pushes)]

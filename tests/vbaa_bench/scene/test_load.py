@@ -48,7 +48,7 @@ def shipped(request: pytest.FixtureRequest) -> SceneFile:
 @pytest.mark.thorough
 def test_a_recorded_scene_is_the_same_scene(shipped: SceneFile) -> None:
     record = json.loads(json.dumps(shipped.scene.model_dump(mode="json")))
-    assert recorded_scene(record, shipped.folder).scene == shipped.scene
+    assert recorded_scene(record, shipped.path, shipped.folder).scene == shipped.scene
 
 
 def test_every_key_has_a_description() -> None:

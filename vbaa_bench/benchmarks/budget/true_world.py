@@ -118,7 +118,7 @@ def _exact(readings: Readings, motor_angle: float, force: Floats, moment: Floats
 def open_world(layout: Layout) -> TrueWorld:
     """Open the truth of a dataset. Raises InputError."""
     truth = open_truth(layout.truth)
-    scene = recorded_scene(truth.manifest["scene"], layout.root).scene
+    scene = recorded_scene(truth.manifest["scene"], layout.manifest, layout.files).scene
     return TrueWorld(truth, scene, true_rig(scene))
 
 
