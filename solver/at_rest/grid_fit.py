@@ -9,6 +9,7 @@ from solver.at_rest.mean_line import MeanLine
 from solver.centreline.smooth import LAG
 from solver.fitting.correlation import correlation_length
 from solver.instrument.arrays import Floats
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 # Number of harmonics that describe errors with the period of the pixel rows (chosen), where there
 # are more independent errors than coefficients: five of the bow and two per harmonic.
@@ -52,7 +53,7 @@ def least_squares(design: Floats, y: Floats, mean: MeanLine) -> LinearFit:
     residual = (y - design @ coefficients) / mean.sigma
     # Without outliers, so that an object beside the beam does not hide a bow.
     size = np.abs(residual)
-    inliers = residual[size < 3 * 1.4826 * np.median(size) + 1e-12]
+    inliers = residual[size < 3 * SIGMA_OVER_MAD * np.median(size) + 1e-12]
     variance = max(float(np.mean(residual**2)), 1e-12)
     inlier_variance = float(np.mean(inliers**2))
     correlation = correlation_length(residual)

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.arrays import Grey
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 # Differences of neighbouring rows that count, in their robust scatter. Derived: noise alone exceeds
 # it in three successive ones less than once in 10^18.
@@ -20,7 +21,7 @@ def rows_alternate(image: Grey) -> bool:
     if min(image.shape) < 4:
         return False
     steps = np.diff(image.astype(np.float32), axis=0)
-    scatter = 1.4826 * float(np.median(np.abs(steps))) + 1.0  # the second for rounding
+    scatter = SIGMA_OVER_MAD * float(np.median(np.abs(steps))) + 1.0  # the second for rounding
     large = np.where(np.abs(steps) > _SIGMAS * scatter, np.sign(steps), 0)
     alternating = (large[:-2] * large[1:-1] < 0) & (large[1:-1] * large[2:] < 0)
     # At least as if a hundred were large: a few pixels decide nothing.

@@ -22,7 +22,7 @@ from solver.at_rest.thresholds import LIMITS
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
-from solver.instrument.medians import median
+from solver.instrument.medians import SIGMA_OVER_MAD, TUKEY_CUT, median
 from solver.instrument.small_matrices import solve_definite, whitening
 
 # Number of landmarks kept, the strongest ones: a thousand pixels cost 0.05 ms per image.
@@ -264,8 +264,8 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
                 for k in range(4):
                     seen += down[j] * across[k] * image[r - 1 + j, c - 1 + k]
             residual[i] = (seen - gain * gray[i]) / sigma[i]
-        scatter = 1.4826 * median(np.abs(residual))
-        cut = 4.685 * max(scatter, 1.0)
+        scatter = SIGMA_OVER_MAD * median(np.abs(residual))
+        cut = TUKEY_CUT * max(scatter, 1.0)
         normal[:] = 0.0
         right[:] = 0.0
         for i in range(n):
@@ -295,7 +295,7 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
         return unknown
     agreeing = 0
     for i in range(n):
-        agreeing += abs(residual[i]) < 4.685 * max(scatter, 1.0)
+        agreeing += abs(residual[i]) < TUKEY_CUT * max(scatter, 1.0)
     uu = uv = vv = 0.0
     for k in range(3):  # the covariance is the whitening matrix's transpose times itself
         uu += white[k, 0] ** 2

@@ -102,7 +102,7 @@ def _adjust_bundle(
 def _without_outliers(
     detections: Sequence[BoardDetection], residuals: Floats
 ) -> list[BoardDetection]:
-    """Remove points whose error exceeds _STRAY times the median error."""
+    """Remove points whose error exceeds LIMITS.outlier_ratio times the median."""
     total = sum(map(len, detections))
     errors = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
     # At least a hundredth of a pixel: points without noise err by rounding alone.

@@ -33,6 +33,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import FIRST_WIDTH
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
+from solver.instrument.medians import SIGMA_OVER_MAD
 from solver.planes.plane_d import unproject
 
 # Points with a residual above this many sigmas have less weight.
@@ -249,7 +250,7 @@ def _fitted(problem: _Problem, start: Floats) -> _Fitted:
         start = fit.x
         unweighted = problem.residuals(fit.x, np.ones(2))
         residuals_by_group = (unweighted[: sizes[0]], unweighted[sizes[0] : sum(sizes)])
-        scatter = [1.4826 * float(np.median(np.abs(group))) for group in residuals_by_group]
+        scatter = [SIGMA_OVER_MAD * float(np.median(np.abs(group))) for group in residuals_by_group]
         inflation = np.array(
             [
                 max(sigma_ratio, 1.0) * math.sqrt(correlation_length(group))

@@ -10,6 +10,7 @@ from numpy.polynomial import legendre
 from scipy.ndimage import map_coordinates
 
 from solver.instrument.arrays import Floats
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 # A lens bends lines little and smoothly: degree five leaves errors below a thousandth of a pixel.
 _DEGREE: Final = 5
@@ -157,6 +158,6 @@ def _robust_fit(t: Floats, offset: Floats, degree: int) -> Floats:
     for _ in range(_ITERATIONS):
         fitted = np.asarray(legendre.legfit(t, offset, degree, w=np.sqrt(weight)), np.float64)
         residual = np.abs(offset - legendre.legval(t, fitted))
-        scale = _HUBER * 1.4826 * float(np.median(residual)) + 1e-12
+        scale = _HUBER * SIGMA_OVER_MAD * float(np.median(residual)) + 1e-12
         weight = np.minimum(1.0, scale / np.maximum(residual, 1e-12))
     return fitted

@@ -29,6 +29,7 @@ from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
+from solver.instrument.medians import SIGMA_OVER_MAD
 from solver.instrument.transforms import turn_about_z
 
 # Trial widths, times the rig's diameter: a round beam looks wider out of focus, and a flat strip is
@@ -267,7 +268,7 @@ def _look_before(
     # The error of the interpolated ground is the same in all images. Where it is like the beam,
     # a sigma may be of any size.
     variance_px = float(np.median([f.sigma[good] for f in fits])) ** 2
-    scatter = (1.4826 * np.median(np.abs(residual))) ** 2
+    scatter = (SIGMA_OVER_MAD * np.median(np.abs(residual))) ** 2
     return Appearance(
         polarity=rest.polarity,
         noise=rest.noise,

@@ -121,7 +121,7 @@ def _responses(
 
 @njit
 def _slot(strengths: Floats, count: int, strength: float) -> int:
-    """Choose a candidate's slot: a free one, or the weakest's if weaker; else MOST (no slot)."""
+    """Choose a candidate's slot: a free one, the weakest's if weaker, or none: MAX_PER_LINE."""
     if count < MAX_PER_LINE:
         return count
     weakest = 0

@@ -1,6 +1,6 @@
 """Flags of the columns along a path that do not look like the beam at rest; compiled."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -22,6 +22,11 @@ HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED
 # Widths, in columns, of the local medians of misfit and brightness, and the degree of the
 # brightness's smooth course. Numpy scalars are compiled once, literals anew.
 _MISFIT_WIDTH, _BRIGHTNESS_WIDTH, _BRIGHTNESS_DEGREE = np.int64(61), np.int64(21), np.int64(2)
+# Robust standard deviations beyond which a brightness does not count in this course. Chosen: low,
+# because a shaded stretch is wide.
+_BRIGHTNESS_CUT: Final = 2.5
+# A disturbed column's deviation over the median one. Derived: three standard deviations.
+_DISTURBED: Final = 4.5
 
 
 @njit
@@ -166,7 +171,9 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
             sigma[count] = LIMITS.max_brightness_deviation / 3 if flags[i] == 0 else np.inf
             count += 1
     medians = running_median(y[:count], _BRIGHTNESS_WIDTH)
-    smooth = curve(x[:count], medians, sigma[:count], x[:count], _BRIGHTNESS_DEGREE, 2.5)
+    smooth = curve(
+        x[:count], medians, sigma[:count], x[:count], _BRIGHTNESS_DEGREE, _BRIGHTNESS_CUT
+    )
     if len(smooth) > 0:
         deviation, n_good = np.empty(count), 0
         for k in range(count):
@@ -174,7 +181,7 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
                 deviation[n_good] = abs(medians[k] / smooth[k] - 1)
                 n_good += 1
         # Under spotted light the threshold rises with the typical deviation.
-        threshold = max(LIMITS.max_brightness_deviation, 4.5 * median(deviation[:n_good]))
+        threshold = max(LIMITS.max_brightness_deviation, _DISTURBED * median(deviation[:n_good]))
         for k in range(count):
             disturbed[index[k]] = abs(medians[k] / smooth[k] - 1) > threshold
     return disturbed

@@ -17,6 +17,7 @@ from solver.centreline.line_sums import Line, Sheet, line_sums
 from solver.centreline.noise import ROUNDING
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 
 def find_matched_line(
@@ -93,7 +94,7 @@ def _filter(sums: Floats, radius: float) -> _Filter | None:
     rounding = ROUNDING / LINES
     covariance = np.cov(elsewhere @ basis, rowvar=False) + rounding * np.eye(len(offset) - 2)
     weights = basis @ np.linalg.solve(covariance, basis.T @ beam)
-    scatter = 1.4826 * float(np.median(np.abs(elsewhere @ weights)))
+    scatter = SIGMA_OVER_MAD * float(np.median(np.abs(elsewhere @ weights)))
     core = beam / beam.sum()
     beyond = int(np.ceil(radius)) + GAP
     return _Filter(

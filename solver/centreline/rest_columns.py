@@ -14,6 +14,7 @@ from solver.centreline.stations import Stations
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class RestColumns:
         centre, good = self.mean_centre(fits)
         check_count(good)
         residual = (centre - self.smooth(centre, good))[good]
-        scatter = 1.4826 * float(np.median(np.abs(residual)))
+        scatter = SIGMA_OVER_MAD * float(np.median(np.abs(residual)))
         misfit = float(np.median([f.chi2[good] / f.dof[good] for f in fits]))
         return Shape(section, table, fits, centre, good, scatter, misfit)
 

@@ -18,6 +18,7 @@ from solver.centreline.noise import ROUNDING
 from solver.centreline.second_line import GROUND_PX, SecondLine, across, find_second_line
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 # Lines elsewhere are within this many widths beside the beam, if that is more than BESIDE_PX.
 BESIDE_WIDTHS = 6.0
@@ -94,7 +95,7 @@ def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line
             middle = float(np.median(elsewhere))
             n_pixels = LINES * core
             by_chance = np.hypot(
-                1.4826 * np.median(np.abs(elsewhere - middle)), np.sqrt(ROUNDING / n_pixels)
+                SIGMA_OVER_MAD * np.median(np.abs(elsewhere - middle)), np.sqrt(ROUNDING / n_pixels)
             )
             at = np.nanargmax(contrasts[..., near])
             tip, bow, _ = np.unravel_index(at, contrasts[..., near].shape)

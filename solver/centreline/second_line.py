@@ -14,6 +14,7 @@ from solver.centreline.line_sums import Line, Sheet, line_at
 from solver.centreline.peaks import find_peaks
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 # Lines farther away than these pixels, or these radii, are not looked for. Chosen: beyond the
 # pixels of a profile fit.
@@ -89,7 +90,7 @@ def find_second_line(means: Across, polarity: int, radius: float) -> SecondLine 
     axis, edge = top + (right - left) / 2, (right + left) / 2
     if not math.isfinite(axis):
         return None
-    by_chance = 1.4826 * float(np.median(np.abs(beam[beside])))
+    by_chance = SIGMA_OVER_MAD * float(np.median(np.abs(beam[beside])))
     least = max(LIMITS.min_second_contrast * height, LIMITS.min_line_sigmas * by_chance)
     reach = max(REACH_PX, REACH_RADII * radius)
     lines = []

@@ -8,7 +8,7 @@ from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
-from solver.instrument.medians import median
+from solver.instrument.medians import SIGMA_OVER_MAD, median
 from solver.instrument.small_matrices import solve_definite
 
 MAX_ITERATIONS = 12
@@ -81,11 +81,11 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
         residual, n_near = _combined(coefficients, basis), 0
         for i in range(n):
             residual[i] = abs(y[i] - residual[i])
-            n_near += 1.4826 * residual[i] <= typical_sigma
+            n_near += SIGMA_OVER_MAD * residual[i] <= typical_sigma
         # To test by a count that the median is below `typical_sigma` is faster than to compute it.
         scale = typical_sigma
         if 2 * n_near <= n:
-            scale = max(1.4826 * median(residual), typical_sigma)
+            scale = max(SIGMA_OVER_MAD * median(residual), typical_sigma)
         n_used = 0
         for i in range(n):
             u = residual[i] / (cut * scale)
@@ -142,7 +142,7 @@ def local_scatter(residual: Floats) -> float:
     if lag < 2:
         return 0.0
     difference = residual[lag : n - lag] - (residual[: n - 2 * lag] + residual[2 * lag :]) / 2
-    return float(1.4826 * median(np.abs(difference)) / np.sqrt(1.5))
+    return float(SIGMA_OVER_MAD * median(np.abs(difference)) / np.sqrt(1.5))
 
 
 @njit

@@ -2,7 +2,7 @@
 
 A curve in a plane has four parameters: its q, and the shift of its contact's tangent across
 itself, along itself, and its rotation. The slopes of the misfit by these are 1, P', and two more of
-`residuals.off_the_curve`. The five parameters of a fit only change these four numbers, so sums of
+`residuals.curve_misfit`. The five parameters of a fit only change these four numbers, so sums of
 products of the four slopes and the residual contain all information of the points, and the chain
 rule gives the normal equations.
 """

@@ -6,6 +6,8 @@ Derived: computed from what is stated. Measured: on what is stated. Chosen: by j
 import math
 from typing import Final, NamedTuple
 
+from solver.instrument.medians import TUKEY_CUT
+
 
 class FittingThresholds(NamedTuple):
     """Thresholds of the fits, and of the verdict on their results, for all methods."""
@@ -22,9 +24,8 @@ class FittingThresholds(NamedTuple):
     # are outliers. Chosen.
     min_scale: float = 1.1
     max_scale: float = 2.0
-    # Tukey's biweight is 0 beyond this many sigmas: its efficiency for white noise is 95 % (Holland
-    # and Welsch 1977).
-    tukey_cut: float = 4.685
+    # Tukey's biweight is 0 beyond this many sigmas.
+    tukey_cut: float = TUKEY_CUT
     # Scaled pivot of the normal equations below which they do not determine a direction. Chosen:
     # well above rounding.
     min_pivot: float = 1e-12

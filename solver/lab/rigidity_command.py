@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.console import Console
+from scipy.constants import g
 
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity
 from solver.instrument.arrays import Grey
@@ -30,7 +31,7 @@ def rigidity(
     level_sigma_deg: Annotated[
         float, typer.Option(min=0, help="one-sigma tilt of the clamp")
     ] = 0.5,
-    gravity_m_s2: Annotated[float, typer.Option(min=0, help="local gravity")] = 9.807,
+    gravity_m_s2: Annotated[float, typer.Option(min=0, help="local gravity")] = g,
 ) -> None:
     """Estimate EI from a weight that hangs on the beam, in the calibration board's plane."""
     if weight_g == 0 or gravity_m_s2 == 0:

@@ -17,6 +17,7 @@ from scipy.special import chdtri
 
 from solver.beam_models.exact import MOST_SINE
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
+from solver.fitting.starts import MAX_START
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
@@ -53,7 +54,7 @@ def force_sensor(measurement: Measurement) -> Estimate:
     force, moment = (float(np.linalg.norm(part)) for part in (load[:3], load[3:]))
     # The moment is normal to the plane. Start inside the model's domain.
     lever = min(max(moment / max(force, sensors.base_force), length / 100), length)
-    q = min(max(moment / lever / rigidity, 1e-9), 1.6 / lever**2)
+    q = min(max(moment / lever / rigidity, 1e-9), MAX_START / lever**2)
     fit = gauss_newton(
         residuals, np.array([q, lever, math.atan2(-load[4], load[5])]), step_tolerance=1e-2
     )

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 # Pixels about an edge that count: over the width and over the blur, and at least this many. Chosen:
 # twice the tail of the blur, and few of a table's structure.
@@ -137,4 +138,4 @@ def _window(across: Floats, a: Floats, b: Floats, blur: float) -> Floats:
 def _scatter(residual: Floats, window: Floats) -> Floats:
     """Estimate the robust scatter (n,) of the residuals within the window; at least 0.3 gray."""
     inside = np.where(window > 0, np.abs(residual), np.nan)
-    return np.asarray(np.maximum(1.4826 * np.nanmedian(inside, axis=1), 0.3))
+    return np.asarray(np.maximum(SIGMA_OVER_MAD * np.nanmedian(inside, axis=1), 0.3))

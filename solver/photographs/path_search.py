@@ -16,6 +16,7 @@ import numpy.typing as npt
 from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
+from solver.instrument.medians import SIGMA_OVER_MAD
 
 Image = npt.NDArray[np.float32]
 
@@ -144,7 +145,7 @@ def _paths(strip: Image, inside: Image, width: float, first: int, last: int) -> 
         along = np.arange(len(measure))
         place = np.interp(along, np.arange(len(nodes)) * SEGMENT, nodes)
         on_path = measure[along, np.rint(place).astype(int)]
-        scatter = 1.4826 * float(np.median(np.abs(measure[::3, ::3]))) + ROUNDING
+        scatter = SIGMA_OVER_MAD * float(np.median(np.abs(measure[::3, ::3]))) + ROUNDING
         support = float(np.clip(on_path / (FULL_SUPPORT * scatter), 0, 1).mean())
         points = np.column_stack([np.arange(len(nodes)) * SEGMENT, nodes]).astype(float)
         paths.append(BeamPath(points, width, sign, support, float(np.median(on_path))))

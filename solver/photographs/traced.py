@@ -12,6 +12,7 @@ from solver.fitting.correlation import correlation_length
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
+from solver.instrument.medians import SIGMA_OVER_MAD
 from solver.photographs.edge_pairs import EdgePairs, edge_pairs
 from solver.photographs.path_search import NEAR_MARK, BeamPath, beam_paths
 from solver.photographs.sections import TAPER, Chord, Sections, course, section_places
@@ -122,7 +123,7 @@ class _Fit(NamedTuple):
         residual = pairs.residual[kept]
         across, together = (_correlation(residual, axis) for axis in (1, 0))
         along = _correlation(residual - residual.mean(axis=0), 0)
-        typical = [1.4826 * running_median(np.abs(error), _LOCAL) for error in (off, half)]
+        typical = [SIGMA_OVER_MAD * running_median(np.abs(error), _LOCAL) for error in (off, half)]
         formal = pairs.centre_sigma[kept] * np.sqrt(across)
         inflation = max(along, correlation_length(off), correlation_length(half))
         scatter = np.hypot(np.max([*typical, formal], axis=0), LEAST_SIGMA)
@@ -180,7 +181,7 @@ def _kept(pairs: EdgePairs, sections: Sections, sign: int) -> Mask:
     for values, degree in ((pairs.width, TAPER), (pairs.centre, FINE_DEGREE)):
         if np.any(kept):
             off = np.abs(values - course(sections.x[kept], values[kept], sections.x, degree))
-            kept &= off < REJECTED * max(1.4826 * float(np.median(off[kept])), LEAST_SIGMA)
+            kept &= off < REJECTED * max(SIGMA_OVER_MAD * float(np.median(off[kept])), LEAST_SIGMA)
     # One of a shadow's edges may be where the beam's would be, but rarely twice.
     return np.asarray(kept & (running_median(kept.astype(float), _NEIGHBOURS) > 0))
 
