@@ -34,7 +34,7 @@ compile_fits(pickle.load(sys.stdin.buffer))
 
 
 @contextlib.contextmanager
-def fits_compiled_beside(rig: Rig) -> Iterator[None]:
+def compile_in_background(rig: Rig) -> Iterator[None]:
     """Compile the fits in a process of their own during this block, unless they are compiled.
 
     Nothing is done if it cannot be known whether they are. The block's end waits for the process.

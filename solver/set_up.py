@@ -12,7 +12,7 @@ from solver.calibrate import ambiguous, calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
-from solver.first_start import fits_compiled_beside
+from solver.first_start import compile_in_background
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.gray_scale import gray_scale
@@ -33,7 +33,7 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     `learn` makes the extractor from the images of the beam at rest. Raises InputError if the
     images do not allow it; the message names the image, or else the folder.
     """
-    with _named(observations), fits_compiled_beside(observations.rig):
+    with _named(observations), compile_in_background(observations.rig):
         try:
             return _set_up(observations, learn)
         except InputError:

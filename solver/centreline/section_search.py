@@ -48,7 +48,7 @@ UNIFORM, TAPERED = _Search((0.1, 0.2, 0.4, 0.1, 0.0), 90), _Search((0.1, 0.2, 0.
 # alone gives more in one rig of a thousand.
 TRIED_TAPER, MIN_GAIN = 0.1, 10.8
 # Sections whose costs differ by less explain the images alike. Derived: three sigmas.
-ALIKE = 9.0
+_EQUAL_COST = 9.0
 # What a section that describes nothing costs.
 _NOTHING = 1e12
 
@@ -64,7 +64,7 @@ def find_sections(rest: RestColumns) -> list[Section]:
         criterion = _Criterion(1.0, max(_half(rest, p) for p in found))
         costs = [_cost(rest, p, criterion) for p in found]
         order = np.argsort(costs)
-        found = [found[k] for k in order if costs[k] < min(costs) + ALIKE]
+        found = [found[k] for k in order if costs[k] < min(costs) + _EQUAL_COST]
     misfit = _misfit(rest, found[0])
     if misfit > LIMITS.processed_misfit:
         # The noise of processed images is no reference: misfits are scaled by that of the first.

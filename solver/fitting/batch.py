@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, settle
+from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, fit_robust
 from solver.fitting.minimise import CONVERGED, DEFICIENT
 from solver.fitting.problem import base_whitening, view_row
 from solver.fitting.residuals import (
@@ -141,7 +141,7 @@ def _fit_all(
             continue
         if n == 0 or not initial_estimate(problem, free, tilt_variance, psi, p):
             continue
-        settle(p, problem, free, tilt_variance, work, covariance, inliers[:n], summary[i])
+        fit_robust(p, problem, free, tilt_variance, work, covariance, inliers[:n], summary[i])
         if summary[i, STATUS] == CONVERGED:
             inflation = summary[i, WIDENING]
             for a in range(5):

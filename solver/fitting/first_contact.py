@@ -79,8 +79,8 @@ def no_contact(bend: Bend) -> Estimate | None:
     if bend.significance < 0:
         return Estimate(
             Outcome.INVALID,
-            "the beam bends to the side where the rig has no object: beam.deflects_towards in "
-            "rig.json is wrong, or the images are mirrored",
+            "the deflection opposes beam.deflects_towards of rig.json: check its sign; or the "
+            "images are mirrored",
             assumption=Assumption.SIDE,
         )
     return None

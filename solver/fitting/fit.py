@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.fitting.frame_fit import CHI2, ITERATIONS, STATUS, WIDENING, settle
+from solver.fitting.frame_fit import CHI2, ITERATIONS, STATUS, WIDENING, fit_robust
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import PARAMETERS, TILT, point_residuals
 from solver.fitting.starts import initial_estimate, workspace
@@ -48,7 +48,7 @@ def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
     sorted_inliers = np.ones(problem.points, dtype=np.bool_)
     free = problem.all_free if psi_free else problem.shape_free
     work = workspace(problem.points)
-    settle(
+    fit_robust(
         p, problem.arrays, free, problem.tilt_variance, work, covariance, sorted_inliers, summary
     )
     covariance *= summary[WIDENING]

@@ -35,7 +35,9 @@ def refusal_of(
     if refusal is not None and not (either_side and refusal.outcome is Outcome.INVALID):
         return refusal
     if fit is None:
-        return _failed(problem, "no exact beam is near the points")
+        return _failed(
+            problem, "no start: the points do not resemble a cantilever with one contact"
+        )
     if fit.status == DEFICIENT:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
     outliers = ~fit.kept[problem.order]

@@ -79,7 +79,7 @@ def _exceed(residual: Floats, limit: float) -> bool:
 
 
 @interpreted
-def settle(
+def fit_robust(
     p: Floats,
     problem: Any,
     free: Any,

@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from solver.fitting.gauss_newton import Fit
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, Push
 from solver.fitting.thresholds import LIMITS
-from solver.fitting.unknown_grip import curved_by_grip
+from solver.fitting.unknown_grip import force_variance_second_order
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption, Estimate, Outcome
@@ -180,5 +180,5 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     covariance[:rows, :rows] += last_shape.placement
     force = list(values).index("force_n")
     grip_sigma = math.sqrt(by_fit[-2] @ input_covariance[:n, :n] @ by_fit[-2])
-    covariance[force, force] += curved_by_grip(values["force_n"], grip, grip_sigma)
+    covariance[force, force] += force_variance_second_order(values["force_n"], grip, grip_sigma)
     return values, covariance

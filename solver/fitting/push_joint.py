@@ -32,7 +32,7 @@ _STEP: Final = 1e-3
 # Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
 RADIUS_SIGMA: Final = 0.05
 # Prior sigma of Coulomb's coefficient and of each grip: a typical coefficient of dry friction.
-DRY: Final = 0.4
+FRICTION_PRIOR_SIGMA: Final = 0.4
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Push:
     rig: Rig
     beam: PushBeam
     grip_matrix: Floats
-    friction_sigma: float = DRY
+    friction_sigma: float = FRICTION_PRIOR_SIGMA
     offset: Floats = field(default_factory=lambda: np.zeros(2))
     offset_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
 

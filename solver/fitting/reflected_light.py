@@ -12,9 +12,9 @@ import numpy as np
 from solver.beam_models.rod import STEPS, contact_of, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import (
-    ALIKE,
     LEAST_REFLECTION,
     REFLECTED,
+    SHARED_VARIANCE_FRACTION,
     P,
     RodProblem,
     reflection,
@@ -56,8 +56,8 @@ def lit_by_object(problem: P, touch: Touch) -> P:
 def lit_by_objects(problem: P, touch: Touch) -> P:
     """Add the light that an object reflects, of which a part is the same in all frames."""
     light = _light(problem, touch)
-    problem = with_common_errors(problem, math.sqrt(ALIKE) * light)
-    return with_own_errors(problem, math.sqrt(1 - ALIKE) * light)
+    problem = with_common_errors(problem, math.sqrt(SHARED_VARIANCE_FRACTION) * light)
+    return with_own_errors(problem, math.sqrt(1 - SHARED_VARIANCE_FRACTION) * light)
 
 
 def _light(problem: RodProblem, touch: Touch) -> Floats:

@@ -18,7 +18,7 @@ from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_values import rod_values
-from solver.fitting.stated_beam import contradiction
+from solver.fitting.stated_beam import prior_conflict
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
@@ -43,7 +43,7 @@ def rod_estimate(
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or fitted is None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    found = contradiction(bowed, problem, fitted.fit, fitted.gain, rod_problem)
+    found = prior_conflict(bowed, problem, fitted.fit, fitted.gain, rod_problem)
     if found is not None:
         dof = max(int(np.count_nonzero(fit.kept)) - 2, 1)
         return Estimate(

@@ -20,7 +20,7 @@ import numpy as np
 
 from solver.beam_models.rod import GRIP, S_C, Q
 from solver.fitting.rod_fit import residuals_at
-from solver.fitting.rod_problem import ALIKE, RodProblem
+from solver.fitting.rod_problem import SHARED_VARIANCE_FRACTION, RodProblem
 from solver.instrument.arrays import Floats
 
 # Parameters of each frame's own; all others are shared.
@@ -165,7 +165,7 @@ def _system(
     deviation[:s] = parameters[0, shared] - first.mean[shared]
     # Without friction, its mean is 0 and has no effect.
     known = max(problem.information[GRIP, GRIP] for problem in problems)
-    shared_block[s, s] = max(known, 1.0) / ALIKE
+    shared_block[s, s] = max(known, 1.0) / SHARED_VARIANCE_FRACTION
     deviation[s] = grip
     shared_gradient = shared_block @ deviation
     objective = float(deviation @ shared_gradient)
@@ -178,7 +178,7 @@ def _system(
         by_own, by_shared = jacobian[own], jacobian[shared]
         prior = problem.information[np.ix_(own, own)]
         sign = problem.friction_sign
-        prior[friction, friction] /= 1 - ALIKE * sign**2
+        prior[friction, friction] /= 1 - SHARED_VARIANCE_FRACTION * sign**2
         pull = parameters[i, own] - problem.mean[own]
         pull[friction] -= sign * grip
         own_blocks[i] = by_own @ by_own.T + prior

@@ -25,7 +25,7 @@ REFLECTED: Final = 0.003
 LEAST_REFLECTION: Final = 0.5
 # Part of the variance of what objects do, by their light or friction, that is the same for all
 # objects of a rig. Chosen: they may be alike or not.
-ALIKE: Final = 0.5
+SHARED_VARIANCE_FRACTION: Final = 0.5
 # Least variance of a combination of parameters, over those of its parts. Chosen: a ten-thousandth
 # of their sigmas is certain.
 _CERTAIN: Final = 1e-8

@@ -9,7 +9,7 @@ from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
-from solver.fitting.unknown_grip import curved_by_grip
+from solver.fitting.unknown_grip import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
@@ -31,7 +31,7 @@ def rod_values(
     result = np.asarray(total @ covariance @ total.T + pose_covariance)
     force, grip = list(values).index("force_n"), float(fit.p[GRIP])
     grip_sigma = math.sqrt(fit.covariance[GRIP, GRIP])
-    result[force, force] += curved_by_grip(values["force_n"], grip, grip_sigma)
+    result[force, force] += force_variance_second_order(values["force_n"], grip, grip_sigma)
     return values, result
 
 

@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.rod import GRIP, WIDTHS
+from solver.fitting.alternative_taper import fit_alternative_taper, with_other_friction
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
-from solver.fitting.rival_taper import other_taper, with_other_friction
 from solver.fitting.rod_fit import least_squares
 from solver.fitting.rod_problem import RodProblem, only
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT
@@ -26,20 +26,20 @@ _LARGEST: Final = 6.0
 _DISTINCT: Final = 9.0
 
 
-class Contradiction(NamedTuple):
+class PriorConflict(NamedTuple):
     """How an image contradicts its rig, as a sentence, and which statement it contradicts most."""
 
     reason: str
     assumption: Assumption | None
 
 
-def contradiction(
+def prior_conflict(
     measurement: Measurement,
     problem: Problem,
     fit: FrameFit,
     gain: float,
     rod_problem: Callable[[Measurement, Problem], RodProblem],
-) -> Contradiction | None:
+) -> PriorConflict | None:
     """Return how an image contradicts the beam that its rig states; None if it does not.
 
     Either the fit is too far from the rig's statements, or errors that neighbouring points share,
@@ -55,7 +55,7 @@ def contradiction(
     if chi2 > len(stated) + _LARGEST * math.sqrt(2 * len(stated)):
         assumption = _most_contradicted(_assumptions(rod), stated, away, information)
         most = "" if assumption is None else f", most by the {assumption}"
-        return Contradiction(
+        return PriorConflict(
             f"the beam, its clamp or the friction is {math.sqrt(chi2):.0f} sigmas from what "
             f"rig.json states{most}: correct beam_shape, or learn the beam",
             assumption,
@@ -63,14 +63,14 @@ def contradiction(
     least = least_squares(rod, p) if gain else None
     if least is None:
         return None
-    other = other_taper(measurement, problem, fit.kept, rod_problem, p)
+    other = fit_alternative_taper(measurement, problem, fit.kept, rod_problem, p)
     if least.objective - other.objective < gain:
         return None
     assumption = Assumption.TAPER
     if rod.of_grip is Assumption.FRICTION:
         friction = with_other_friction(measurement, problem, fit.kept, rod_problem, p)
         assumption = _taper_or_friction(other.objective, friction)
-    return Contradiction(
+    return PriorConflict(
         f"the beam is not that of rig.json: with a tip {other.tip:.2f} times as wide as at the "
         "clamp it fits better; state beam_shape.taper_sigma, or friction_sigma of rough objects, "
         "or learn the beam",

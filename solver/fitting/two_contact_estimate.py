@@ -6,12 +6,12 @@ from typing import Final
 import numpy as np
 
 from solver.beam_models.two_contacts import STEPS, contacts_of, two_contacts_of
+from solver.fitting.alternative_taper import fit_alternative_taper
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.reflected_light import Touch, lit_by_object, reflection_matters
 from solver.fitting.residuals import TILT as START_TILT
-from solver.fitting.rival_taper import other_taper
 from solver.fitting.rod_estimate import with_bow
 from solver.fitting.rod_fit import LeastSquares, fit_rod, least_squares
 from solver.fitting.rod_problem import rod_problem_of
@@ -125,7 +125,7 @@ def _misfit(fit: FrameFit, dof: int) -> str:
 
 def _taper_instead(measurement: Measurement, problem: Problem, fit: FrameFit) -> str:
     """Return how one contact explains the points with another taper of the beam, or ""."""
-    chi2, tip = other_taper(measurement, problem, fit.kept)
+    chi2, tip = fit_alternative_taper(measurement, problem, fit.kept)
     count = int(np.count_nonzero(fit.kept))
     if chi2 > count * noise_chi2(count):
         return ""

@@ -11,7 +11,7 @@ from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.rod_values import input_variances, mounted_contact
 from solver.fitting.two_contact_problem import TwoContactProblem
-from solver.fitting.unknown_grip import curved_by_grip
+from solver.fitting.unknown_grip import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 
@@ -63,7 +63,9 @@ def two_contact_values(
         by_variables.append((by_contact @ by_variable)[kept])
         by_poses.append(by_pose[kept])
         grip_sigma = math.sqrt(fit.covariance[grip, grip])
-        curved.append(curved_by_grip(estimated["force_n"], float(fit.p[grip]), grip_sigma))
+        curved.append(
+            force_variance_second_order(estimated["force_n"], float(fit.p[grip]), grip_sigma)
+        )
     covariance = np.zeros((count + 3, count + 3))
     covariance[:count, :count] = fit.covariance
     covariance[range(count, count + 3), range(count, count + 3)] = input_variances(measurement)

@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.fitting.fit import fit_from, start_of
 from solver.fitting.problem import problem_of, without
-from solver.fitting.push_joint import DRY
+from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA
 from solver.fitting.push_uniform import UniformPoints
 from solver.fitting.residuals import DX, DY, LEVER, TILT, Q
 from solver.fitting.values import SHAPE, shape_quantities
@@ -19,7 +19,7 @@ from solver.instrument.measurement import Measurement
 from solver.planes.plane_d import known_plane
 
 
-def curved_by_grip(force: float, grip: float, sigma: float) -> float:
+def force_variance_second_order(force: float, grip: float, sigma: float) -> float:
     """Compute the second-order variance [N^2] of the force's magnitude due to friction.
 
     `grip` is the friction ratio. The magnitude is the component across the beam times
@@ -57,10 +57,12 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     shape[columns], shape[column["psi"]] = p, psi
     shape[column["motor_angle"]] = measurement.motor_angle or 0.0
     values, by_shape, _ = shape_quantities(measurement, shape, clamp_fitted=True, grip_fitted=True)
-    change = DRY * (by_shape[:, columns] @ response + by_shape[:, column["grip"]])
+    change = FRICTION_PRIOR_SIGMA * (by_shape[:, columns] @ response + by_shape[:, column["grip"]])
     covariance = alone.covariance + np.outer(change, change)
     force = list(values).index("force_n")
-    covariance[force, force] += curved_by_grip(values["force_n"], 0.0, DRY)
+    covariance[force, force] += force_variance_second_order(
+        values["force_n"], 0.0, FRICTION_PRIOR_SIGMA
+    )
     return classified_estimate(
         measurement.rig,
         alone.values,

@@ -35,7 +35,7 @@ def _cell(where: str, name: str, row: CsvRow) -> float | str | None:
         return value or None
     try:
         number = row.number(name)
-    except ValueError:  # a column of somebody else
+    except ValueError:  # a non-numeric extra column
         return value
     if not math.isfinite(number):
         raise InputError(f"{where}: {name} is {quoted(value)}, allowed is a finite number")

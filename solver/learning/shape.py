@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.beam_models.rod import WIDTHS
 from solver.fitting.rod_joint import JointFit, fit_jointly
-from solver.fitting.rod_problem import ALIKE, RodProblem
+from solver.fitting.rod_problem import SHARED_VARIANCE_FRACTION, RodProblem
 from solver.fitting.rod_residuals import DX, PSI, SOFTNESS
 from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape, Friction
 from solver.instrument.beam_shape import SOFTNESS as SOFT
@@ -123,5 +123,6 @@ def _of_other_objects(stated: Friction, fit: JointFit, misfit: float) -> Frictio
     coefficient, sigma = stated
     of_mean = fit.grip_sigma * math.sqrt(max(misfit, 1.0))
     return Friction(
-        max(coefficient + fit.grip, 0.0), math.hypot(of_mean, math.sqrt(1 - ALIKE) * sigma)
+        max(coefficient + fit.grip, 0.0),
+        math.hypot(of_mean, math.sqrt(1 - SHARED_VARIANCE_FRACTION) * sigma),
     )

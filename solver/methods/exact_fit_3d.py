@@ -30,7 +30,7 @@ from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.fitting.rod_residuals import PSI as ROD_PSI
 from solver.fitting.rod_space import fits_in_space, rod_in_plane
 from solver.fitting.rod_values import rod_values
-from solver.fitting.stated_beam import contradiction
+from solver.fitting.stated_beam import prior_conflict
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.values import values_of
 from solver.instrument.arrays import Floats
@@ -127,7 +127,7 @@ def _other_beam(
     """Refuse an image whose beam, in the plane of inclination `psi`, is not that of its rig."""
     in_order = replace(fit, kept=fit.kept[problem.order])
     in_plane = partial(rod_in_plane, psi)
-    found = contradiction(with_bow(measurement), problem, in_order, gain, in_plane)
+    found = prior_conflict(with_bow(measurement), problem, in_order, gain, in_plane)
     if found is None:
         return None
     return Estimate(

@@ -35,7 +35,7 @@ import numpy as np
 from solver.fitting.gauss_newton import gauss_newton
 from solver.fitting.push_estimate import push_estimate, single_frame
 from solver.fitting.push_frames import BentFrames, bent_frames
-from solver.fitting.push_joint import DRY, PUSH, Push
+from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, PUSH, Push
 from solver.fitting.sliding import grip_matrix
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.uniform_estimate import uniform_estimate
@@ -93,7 +93,9 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     start = _start(push, bent)
     if start is None or push.residuals(start) is None:
         return Estimate(Outcome.INVALID, "the frames' shapes do not fit one push")
-    friction_sigma = measurement.rig.shape.ratio_sigma or (DRY if friction else 0.0)
+    friction_sigma = measurement.rig.shape.ratio_sigma or (
+        FRICTION_PRIOR_SIGMA if friction else 0.0
+    )
     if friction_sigma:
         push = _sliding(replace(push, friction_sigma=friction_sigma), bent, start, _START_SIGMA)
         start = np.append(start, np.zeros(push.grip_matrix.shape[1]))
@@ -154,7 +156,7 @@ def _rough(measurement: Measurement) -> Estimate:
 def _with_friction(measurement: Measurement) -> Measurement:
     """Return the measurement and its earlier frames with a rig that states friction."""
     rig = measurement.rig
-    rough = replace(rig, shape=replace(rig.shape, friction_sigma=DRY))
+    rough = replace(rig, shape=replace(rig.shape, friction_sigma=FRICTION_PRIOR_SIGMA))
     earlier = tuple(replace(frame, rig=rough) for frame in measurement.earlier)
     return replace(measurement, rig=rough, earlier=earlier)
 

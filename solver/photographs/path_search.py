@@ -31,9 +31,9 @@ SLENDER: Final = 8
 # Half the strip's height over the length, and a margin [px]. Derived: a cantilever whose tip is
 # turned by 40 degrees leaves the line from clamp to tip by 0.1 of its length.
 HALF_STRIP: Final = 0.2
-# Pixels of a segment along the strip; slopes from -MOST / SEGMENT to MOST / SEGMENT.
+# Pixels of a segment along the strip; slopes from -MAX_RISE / SEGMENT to MAX_RISE / SEGMENT.
 SEGMENT: Final = 8
-MOST: Final = 6
+MAX_RISE: Final = 6
 MOST_TURN: Final = 2
 # Cost of a change of slope by one step, over the largest score of a segment. Chosen: at 0 the path
 # follows texture, at 0.2 it cuts bends of a beam of little contrast.
@@ -46,7 +46,7 @@ NEAR_MARK: Final = 8.0
 SUPPORT: Final = 0.1
 CONTRAST: Final = 0.6
 # Widths whose ratio is less follow the same edges, and paths that are tried. Chosen.
-ALIKE, TRIALS = 2.1, 3
+MAX_WIDTH_RATIO, TRIALS = 2.1, 3
 # Standard deviation of rounding to whole gray values. Derived.
 ROUNDING: Final = 0.29
 # Support of a measure that exceeds this many sigmas of the measure elsewhere is full. Chosen.
@@ -126,7 +126,7 @@ def _likeliest(candidates: list[BeamPath]) -> BeamPath:
 
 def _alike(path: BeamPath, other: BeamPath) -> bool:
     ratio = path.width / other.width
-    return path.sign == other.sign and 1 / ALIKE < ratio < ALIKE
+    return path.sign == other.sign and 1 / MAX_WIDTH_RATIO < ratio < MAX_WIDTH_RATIO
 
 
 def _paths(strip: Image, inside: Image, width: float, first: int, last: int) -> list[BeamPath]:
@@ -172,7 +172,7 @@ def _chain(measure: Any, turn: Any, first: int, last: int) -> Any:
     The chain begins and ends at the places from `first` to `last`.
     """
     length, places = measure.shape
-    count, slopes = (length - 1) // SEGMENT, 2 * MOST + 1
+    count, slopes = (length - 1) // SEGMENT, 2 * MAX_RISE + 1
     score = np.full((slopes, places), np.float32(-1e30))
     score[:, first : last + 1] = 0
     before = np.empty((count, slopes, places), np.int8)
@@ -190,7 +190,7 @@ def _chain(measure: Any, turn: Any, first: int, last: int) -> Any:
                         if value > total[m, n]:
                             total[m, n] = value
                             before[segment, m, n] = other
-            slope = m - MOST
+            slope = m - MAX_RISE
             low, high = max(0, -slope), min(places, places - slope)
             for q in range(SEGMENT):
                 shift = int(np.floor(slope * (q + 0.5) / SEGMENT + 0.5))
@@ -215,7 +215,7 @@ def _traced_back(before: Any, state: int, place: int) -> Any:
     nodes = np.empty(count + 1)
     nodes[count] = place
     for segment in range(count - 1, -1, -1):
-        place -= state - MOST
+        place -= state - MAX_RISE
         nodes[segment] = place
         state = before[segment, state, place]
     return nodes

@@ -12,9 +12,9 @@ from solver.instrument.arrays import Floats
 
 # Degree of the width's course: a beam is uniform or tapered, and perspective tapers it as well.
 TAPER: Final = np.int64(1)
-# Sections along the beam: one per width, within these numbers. Chosen: FEWEST leave room for
-# rejected ones, MOST are more than a fit needs.
-FEWEST, MOST = 80, 400
+# Sections along the beam: one per width, within these numbers. Chosen: MIN_SECTIONS leave room for
+# rejected ones, MAX_SECTIONS are more than a fit needs.
+MIN_SECTIONS, MAX_SECTIONS = 80, 400
 # Sections begin and end at this many widths from the marks, plus pixels for the marks' errors.
 END_WIDTHS, END_PX = 0.5, 3.0
 # Part of the beam whose slope an end has that is not fitted. Chosen: the slope of a polynomial at
@@ -96,7 +96,9 @@ class Sections(NamedTuple):
 def section_places(length: float, width: float) -> Floats:
     """Compute the distances (n,) [px] of the sections of a beam of this length and width [px]."""
     margin = END_WIDTHS * width + END_PX
-    return np.linspace(margin, length - margin, int(np.clip(length / width, FEWEST, MOST)))
+    return np.linspace(
+        margin, length - margin, int(np.clip(length / width, MIN_SECTIONS, MAX_SECTIONS))
+    )
 
 
 def course(x: Floats, y: Floats, at: Floats, degree: np.int64) -> Floats:

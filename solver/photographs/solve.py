@@ -1,4 +1,4 @@
-"""From a folder of photographs to loads and beam: the page to read aloud."""
+"""Trace the photographs of a folder, and fit loads and beam to all of them jointly."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -22,7 +22,7 @@ from solver.instrument.arrays import Floats
 _STEPS: Final = 64
 
 
-class Hanging(NamedTuple):
+class SelfWeight(NamedTuple):
     """Direction (n,) [rad] of a beam, in the frame of the beam at rest, and its `sag` (2,).
 
     The sag is w L^3 / (8 EI), along the weight: that of the tip over the length where the beam is
@@ -54,12 +54,14 @@ def bow_by_own_weight(
 
     All is in the frame of the beam at rest, and over the beam's length. `x` (n,) are points of the
     beam, from the clamp on, and `turn` (n,) [rad] its direction there; `bow` (3,) are the
-    coefficients at rest. `sag` and `sag_at_rest` (2,) are those of `Hanging`.
+    coefficients at rest. `sag` and `sag_at_rest` (2,) are those of `SelfWeight`.
     """
     s = np.linspace(0.0, 1.0, _STEPS + 1)
     arc = cumulative_trapezoid(1 / np.cos(np.append(0.0, turn)), np.append(0.0, x), initial=0)
-    now = Hanging(np.interp(s, arc, np.append(0.0, turn)), sag)
-    at_rest = Hanging(np.arctan(s * (2 * bow[0] + s * (3 * bow[1] + s * 4 * bow[2]))), sag_at_rest)
+    now = SelfWeight(np.interp(s, arc, np.append(0.0, turn)), sag)
+    at_rest = SelfWeight(
+        np.arctan(s * (2 * bow[0] + s * (3 * bow[1] + s * 4 * bow[2]))), sag_at_rest
+    )
     # The bow whose line, not whose curvature, is nearest.
     slope = cumulative_trapezoid(now.curvature(s) - at_rest.curvature(s), s, initial=0)
     line = cumulative_trapezoid(slope, s, initial=0)

@@ -48,14 +48,14 @@ def test_where_the_fits_are_compiled_or_elsewhere_no_process_is_begun(
 ) -> None:
     begun = record_processes(monkeypatch)
     monkeypatch.setattr(first_start, "compiled_functions", lambda: compiled)
-    with first_start.fits_compiled_beside(rig):
+    with first_start.compile_in_background(rig):
         assert begun == []
 
 
 def test_a_first_start_waits_for_its_process(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     begun = record_processes(monkeypatch)
     monkeypatch.setattr(first_start, "compiled_functions", set)
-    with first_start.fits_compiled_beside(rig):
+    with first_start.compile_in_background(rig):
         assert begun[0].returncode is None
     assert begun[0].returncode == 0  # it has found the modules and fitted
 
@@ -64,7 +64,7 @@ def test_a_process_that_fails_costs_only_time(rig: Rig, monkeypatch: pytest.Monk
     ended = record_processes(monkeypatch)
     monkeypatch.setattr(first_start, "compiled_functions", set)
     monkeypatch.setattr(first_start, "_CHILD", "raise SystemExit(3)")
-    with first_start.fits_compiled_beside(rig):
+    with first_start.compile_in_background(rig):
         pass
     assert [process.returncode for process in ended] == [3]
 
@@ -72,5 +72,5 @@ def test_a_process_that_fails_costs_only_time(rig: Rig, monkeypatch: pytest.Monk
 def test_an_error_of_the_block_ends_the_process(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(first_start, "compiled_functions", set)
     monkeypatch.setattr(first_start, "_CHILD", "import time; time.sleep(600)")
-    with pytest.raises(KeyboardInterrupt), first_start.fits_compiled_beside(rig):
+    with pytest.raises(KeyboardInterrupt), first_start.compile_in_background(rig):
         raise KeyboardInterrupt

@@ -9,7 +9,7 @@ from solver.fitting.gauss_newton import gauss_newton
 from solver.fitting.problem import problem_of
 from solver.fitting.push_beam import PushFrame
 from solver.fitting.push_geometry import FirstTouch, Touch, touch
-from solver.fitting.push_joint import DRY, Push
+from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, Push
 from solver.fitting.push_uniform import UniformBeam, UniformPoints
 from solver.fitting.sliding import grip_matrix
 from solver.fitting.uniform_estimate import uniform_estimate
@@ -504,7 +504,7 @@ def test_of_a_single_frame_friction_is_part_of_the_uncertainty(
         error = abs(blind.values[name] - value)
         assert error > 5 * blind.sigma(name), name
         added = math.sqrt(aware.sigma(name) ** 2 - blind.sigma(name) ** 2)
-        assert 0.5 < added * friction / DRY / error < 2, name
+        assert 0.5 < added * friction / FRICTION_PRIOR_SIGMA / error < 2, name
     # The force's size changes with the square of the friction.
     error = abs(blind.values["force_n"] - force)
     assert error > 3 * blind.sigma("force_n") * (friction / 0.5) ** 2

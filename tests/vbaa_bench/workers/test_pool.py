@@ -189,7 +189,7 @@ with Pool(1, Resident, ()) as pool:
     print(pool.call("pid") > 0)
 print(probe(PLAIN).works)
 first_start.compiled_functions = set
-with first_start.fits_compiled_beside(None):
+with first_start.compile_in_background(None):
     pass
 """
 

@@ -34,7 +34,7 @@ class OtherTaper(NamedTuple):
     tip: float
 
 
-def other_taper(
+def fit_alternative_taper(
     measurement: Measurement,
     problem: Problem,
     kept: Any,
@@ -70,7 +70,8 @@ def with_other_friction(
 ) -> float:
     """Return the sum of squares of one contact whose friction may be more than the rig states.
 
-    The arguments are those of `other_taper`; it is infinite where no such beam is near the points.
+    The arguments are those of `fit_alternative_taper`; it is infinite where no such beam is near
+    the points.
     """
     shape = measurement.rig.shape
     rough = replace(shape, friction_sigma=math.hypot(shape.friction_sigma, _FRICTION))
