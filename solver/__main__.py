@@ -12,6 +12,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 try:
     with quick_imports():
         from solver.lab.command_line import main
+except ModuleNotFoundError as missing:
+    # Python finds this package without an installation in a copy of the repository.
+    print(f"error: {missing.name} is not installed: pip install . installs it", file=sys.stderr)
+    raise SystemExit(2) from None
 except KeyboardInterrupt:
     raise SystemExit(130) from None
 except InputError as error:

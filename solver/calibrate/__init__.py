@@ -89,7 +89,8 @@ def calibrate(board_views: Iterable[Grey], rig: Rig, quarter_turns: int = 0) -> 
         raise InputError(
             "the calibrated camera does not show the beam: it is behind the camera, beside the "
             "image or where the distortion is not one-to-one; check base.position_mm, "
-            "board.antenna_from_board_... and camera.distortion_coefficients in rig.json"
+            "beam.length_mm, board.square_mm, board.antenna_from_board_... and "
+            "camera.distortion_coefficients in rig.json; lengths are in millimetres"
         )
     return calibration
 

@@ -74,6 +74,10 @@ def read_frames(table: Path) -> Iterator[ImageFrame]:
     It is any table that `csv_rows` reads. Raises InputError.
     """
     for row in csv_rows(table):
+        if "file_name" not in row.cells:
+            similar = similar_name("file_name", [name for name in row.cells if name])
+            hint = f"; did you mean it by {quoted(similar)}?" if similar else ""
+            raise InputError(f"{table}: the column file_name is missing{hint}")
         cells = _Cells(f"{table}:{row.line}", row)
         path = cells.image(table.parent)
         removed = cells.numbers("removed_from_mm", "removed_to_mm")

@@ -176,8 +176,12 @@ def open_capture(address: str | int) -> Any:
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture(address)
     if not capture.isOpened():
-        source = f"camera {address}" if isinstance(address, int) else str(address)
-        raise InputError(f"{source}: cannot be opened as a video or a camera")
+        if isinstance(address, int):
+            raise InputError(
+                f"camera {address}: cannot be opened; try another number, close other programs "
+                "that use it, or ask whether you may use it"
+            )
+        raise InputError(f"{address}: cannot be opened as a video or a camera")
     # Ignore the orientation tag, as `read_grey` does.
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture

@@ -62,7 +62,7 @@ class CalibrationReport:
 
     @property
     def meaning(self) -> str:
-        """Assessment with warnings and remedies, in one line."""
+        """Assessment with warnings and remedies, one in a line."""
         warnings = []
         if self.reprojection_px > MAX_REPROJECTION_PX:
             warnings.append("poor board fit: blurred views, bent board, or more lens distortion")
@@ -78,7 +78,8 @@ class CalibrationReport:
         if self.roughness_px is not None and self.roughness_px > MAX_ROUGHNESS_PX:
             warnings.append("rough beam or uneven light: errors of centres exceed the image noise")
         warnings += [finding.message for finding in self.findings]
-        return f"warning: {'; '.join(warnings)}" if warnings else "good: no problem found"
+        lines = (f"warning: {warning}" for warning in warnings)
+        return "\n".join(lines) if warnings else "good: no problem found"
 
     def json(self) -> str:
         """Format as one line of JSON."""
@@ -132,7 +133,9 @@ class CalibrationReport:
             ("assessment", self.meaning),
         )
         shown = (row for row in rows if row[0] != "ground" or self.ground_images)
-        return "\n".join(f"{name:16} {value}" for name, value in shown)
+        indent = "\n" + 17 * " "
+        aligned = ((name, value.replace("\n", indent)) for name, value in shown)
+        return "\n".join(f"{name:16} {value}" for name, value in aligned)
 
 
 def calibration_report(

@@ -44,6 +44,7 @@ from solver.lab.input_options import (
     RigOption,
     SizeOption,
     checked_channel,
+    input_files,
     open_inputs,
     used_tables,
 )
@@ -58,7 +59,7 @@ from solver.lab.shots import Source
 from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
-from solver.lab.writing import prepare_output_path, write
+from solver.lab.writing import check_no_input, prepare_output_path, write
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
@@ -116,10 +117,11 @@ def solve(
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
+    read = input_files(observations, sources, rig, readings)
     if target:
-        prepare_output_path(target)
+        prepare_output_path(target, read)
     replaces = target is not None and target.exists()
-    _check_overlay(overlay, source)
+    _check_overlay(overlay, source, read)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
@@ -171,10 +173,13 @@ def _show(rows: list[Row], method: str, where: str, accuracy: Sequence[str]) -> 
         Console(soft_wrap=True).print(line, markup=False)
 
 
-def _check_overlay(overlay: Path | None, source: Source) -> None:
-    """Raise InputError for one image that is to hold the overlays of several."""
+def _check_overlay(overlay: Path | None, source: Source, read: Sequence[Path]) -> None:
+    """Raise InputError for an input, and for one image that is to hold the overlays of several."""
+    if overlay is None:
+        return
+    check_no_input(overlay, read)
     count = len(source) if isinstance(source, Sized) else 0
-    if overlay and overlay.suffix.lower() in FORMATS and count != 1:
+    if overlay.suffix.lower() in FORMATS and count != 1:
         raise InputError(
             f"{overlay}: is a single image, allowed for {count or 'a stream of'} images is a "
             "folder, or a video such as overlay.mp4"
@@ -224,7 +229,9 @@ def board(
     rig: Annotated[Path, typer.Option(help="rig.json that describes the board")],
 ) -> None:
     """Draw the rig's calibration board in its true size, for printing at 100 %."""
+    prepare_output_path(out, (rig_file(rig),))
     write(out, svg(read_rig(rig_file(rig)).board).encode())
+    console.print(f"written to {out}", markup=False)
 
 
 @app.command()
@@ -252,8 +259,10 @@ def snap(
     settled = (shot for shot in frames if not frames.live or shot.number >= drop)
     # Of a camera, as of a video, one image.
     for path, shot in zip(_numbered(out, len(sources)), settled, strict=False):
-        prepare_output_path(path)
+        prepare_output_path(path, map(Path, sources))
+        replaces = path.exists()
         write(path, png_bytes(shot.grey()))
+        console.print(f"{path} {'replaced' if replaces else 'written'}", markup=False)
 
 
 def _numbered(path: Path, count: int) -> Iterator[Path]:

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from solver.instrument.compiled import compiled_functions
 from solver.instrument.errors import printable
+from solver.instrument.estimate import Outcome
 from solver.instrument.rig import Rig
 from solver.lab.findings import Finding
 from solver.lab.live import FrameResult
@@ -26,6 +27,8 @@ console = Console(stderr=True, highlight=False, soft_wrap=True)
 # Relative sigma of EI up to which it counts as learned. Chosen: twice what step 5 of the
 # laboratory's page, a hung weight, reaches.
 LEARNED_FORCE = 0.01
+# Reasons that are shown. Chosen: some contain numbers and differ in each frame.
+_MAX_REASONS = 6
 # Number of functions that a first start compiles (measured; methods differ by a few).
 FUNCTIONS = 87
 
@@ -100,16 +103,19 @@ def table(rows: list[Row], method: str) -> Table:
 
 
 def reasons(rows: list[Row]) -> list[str]:
-    """Say once why frames have no values, with the number of frames of each reason."""
+    """Say once why frames have no values, or what their values lack, with the number of frames."""
+    usual = {outcome.sentence for outcome in Outcome}
     counts: Counter[str] = Counter(
-        printable(sentence(cells))
+        printable(str(cells["message"]) if _has_values(cells) else sentence(cells))
         for cells in rows
-        if cells["x_c_mm"] is None and cells["force_n"] is None
+        if not _has_values(cells) or cells["message"] not in usual
     )
-    return [
+    lines = [
         f"{count} frame{'s' if count > 1 else ''}: {reason}"
-        for reason, count in counts.most_common()
+        for reason, count in counts.most_common(_MAX_REASONS)
     ]
+    more = len(counts) - len(lines)
+    return [*lines, f"{more} more messages are in the table that is written"] if more else lines
 
 
 def expected_accuracy(rows: list[Row], rig: Rig) -> list[str]:
@@ -151,9 +157,13 @@ def short_names(paths: list[str]) -> list[str]:
     return short
 
 
+def _has_values(cells: Row) -> bool:
+    return cells["x_c_mm"] is not None or cells["force_n"] is not None
+
+
 def sentence(cells: Row) -> str:
     """Summarise a row in a few words."""
-    if cells["x_c_mm"] is None and cells["force_n"] is None:
+    if not _has_values(cells):
         return f"{cells['outcome']}: {cells['message']}"
     values = (
         f"{name} {_with_sigma(cells[column], cells[sigma], scale)} {unit}"

@@ -21,7 +21,12 @@ def file_findings(observations: Observations, tables: Sequence[Path] = ()) -> tu
     columns = (finding for table in tables for finding in _columns(table))
     if read_hashes(observations.root) is not None:
         return tuple(columns)
-    return (*_unused(observations), *_first_view(observations), *columns)
+    return (
+        *_unused(observations),
+        *_first_view(observations),
+        *_one_rest_image(observations),
+        *columns,
+    )
 
 
 def _columns(table: Path) -> Iterator[Finding]:
@@ -46,6 +51,15 @@ def _unused(observations: Observations) -> Iterator[Finding]:
                 "images_unused",
                 f"not used: {', '.join(names)}; names are {start}00.png, {start}01.png, ...",
             )
+
+
+def _one_rest_image(observations: Observations) -> Iterator[Finding]:
+    if len(observations.rest_images) == 1:
+        yield Finding(
+            "one_rest_image",
+            "there is one image at rest: two or more, each with its own exposure, show the noise "
+            "and the bow better",
+        )
 
 
 def _first_view(observations: Observations) -> Iterator[Finding]:

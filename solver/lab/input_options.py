@@ -13,6 +13,7 @@ from solver.instrument.observation import (
     frames_beside,
     open_observations,
     open_rig,
+    rig_file,
     tables_beside,
 )
 from solver.lab.controls import NO_CONTROLS, Controls
@@ -99,6 +100,24 @@ def used_tables(sources: list[str], readings: Path | None) -> list[Path]:
         return [readings]
     root = Path(sources[0])
     return tables_beside(root) if root.is_dir() else []
+
+
+def input_files(
+    observations: Observations, sources: list[str], rig: Path | None, readings: Path | None
+) -> list[Path]:
+    """List the files that a command reads, which its outputs must not replace."""
+    root = observations.root
+    return [
+        rig_file(rig or root),
+        root / "rig.json",
+        *observations.board_views,
+        *observations.rest_images,
+        *observations.ground_images,
+        *(frame.path for frame in observations.frames),
+        *used_tables(sources, readings),
+        *tables_beside(root),
+        *(Path(source) for source in sources),
+    ]
 
 
 def checked_channel(name: str | None) -> str | None:

@@ -22,6 +22,7 @@ from solver.lab.input_options import (
     ChannelOption,
     OtherRigOption,
     ReadingsOption,
+    input_files,
     open_inputs,
     used_tables,
 )
@@ -92,8 +93,9 @@ def learn(
     radius = None if object_radius is None else _radius(*object_radius)
     if web_page and web_page.resolve() == out.resolve():
         raise InputError(f"--out and --page are both {out}, allowed are two files")
+    read = input_files(files, sources, rig, readings)
     for path in filter(None, (out, web_page)):
-        prepare_output_path(path)
+        prepare_output_path(path, read)
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
     of_files = file_findings(files, used_tables(sources, readings))

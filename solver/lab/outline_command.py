@@ -10,7 +10,7 @@ from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, rig_file
 from solver.instrument.rig_json import read_rig
 from solver.lab.outline import csv_text, read_estimates, summary
-from solver.lab.writing import write
+from solver.lab.writing import prepare_output_path, write
 from solver.outline.contacts import contacts_of
 from solver.outline.fit import fit_outline
 
@@ -33,6 +33,7 @@ def outline(
         frames, nominal = observations.frames, observations.rig
     else:
         frames, nominal = tuple(read_frames(readings)), read_rig(rig_file(rig))
+    prepare_output_path(out, (estimates, rig_file(rig), *((readings,) if readings else ())))
     result = fit_outline(contacts_of(read_estimates(estimates), frames, nominal))
     write(out, csv_text(result).encode())
     Console(highlight=False, soft_wrap=True).print(summary(result), markup=False)

@@ -14,7 +14,7 @@ from solver.lab.photos_page import page
 from solver.lab.photos_table import json_line, summary, table_text
 from solver.lab.writing import prepare_output_path, write
 from solver.photographs.photo_set import Photograph
-from solver.photographs.photos_json import read_photos
+from solver.photographs.photos_json import FILE, read_photos
 from solver.photographs.solve import solve_photos
 
 
@@ -30,8 +30,9 @@ def photos(
     photo_set = read_photos(folder)
     if web_page and web_page.resolve() == out.resolve():
         raise InputError(f"--out and --page are both {out}, allowed are two files")
+    read = (folder / FILE, *(one.path for one in photo_set.photographs))
     for path in filter(None, (out, web_page)):
-        prepare_output_path(path)
+        prepare_output_path(path, read)
 
     def progress(items: Iterable[Photograph]) -> Iterable[Photograph]:
         # A mistake in an image gives one sentence, and no bar before it in a log.

@@ -1,14 +1,20 @@
 """Writing of output files: parent folders are created, failures raise InputError."""
 
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 
 
-def prepare_output_path(path: Path) -> None:
-    """Create the parent folders of `path`. Raises InputError if `path` could not be written."""
+def prepare_output_path(path: Path, inputs: Iterable[Path] = ()) -> None:
+    """Create the parent folders of `path`.
+
+    Raises InputError if `path` could not be written, or is one of the files `inputs` that the
+    command reads.
+    """
+    check_no_input(path, inputs)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
@@ -18,6 +24,18 @@ def prepare_output_path(path: Path) -> None:
             pass
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def check_no_input(path: Path, inputs: Iterable[Path]) -> None:
+    """Raise InputError if an output path is one of the files `inputs`, or a folder with one."""
+    if not path.exists():
+        return
+    is_folder = path.is_dir()
+    for read in inputs:
+        same = read.parent if is_folder else read
+        if same.exists() and path.samefile(same):
+            what = f"holds {read.name}, which is" if is_folder else "is"
+            raise InputError(f"{path}: {what} read by this command; choose another name to write")
 
 
 def write(path: Path, data: bytes) -> None:

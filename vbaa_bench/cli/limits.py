@@ -80,7 +80,7 @@ def limits(
     tips = _numbers("--deflection-pct", deflections)
     page = out or Path("runs/limits") / f"{source.stem}.html"
     for path in filter(None, (page, csv)):
-        prepare_output_path(path)
+        prepare_output_path(path, (source,))
     with ExitStack() as shown:
         maps = map_limits(
             source,

@@ -45,7 +45,7 @@ def stress(
         from vbaa_bench.workers.resources import cores
 
     if out:
-        prepare_output_path(out)
+        prepare_output_path(out, (scene,))
     plan = command.Plan(load_scene(scene), rigs, frames, seed, row or (), method)
     folder = work or Path("runs/stress") / scene.stem
     count = workers or cores()

@@ -44,6 +44,13 @@ def read(table: Path, text: str) -> list[ImageFrame]:
     return list(read_frames(table))
 
 
+def test_a_table_without_the_column_of_images_is_named(table: Path) -> None:
+    with pytest.raises(InputError, match=r"csv: the column file_name is missing; did you mean it "):
+        read(table, "filename,motor_angle_deg\na.png,1\n")
+    with pytest.raises(InputError, match=r"csv: the column file_name is missing$"):
+        read(table, "motor_angle_deg\n1\n")
+
+
 def test_mutated_tables_are_read_or_refused(table: Path) -> None:
     chance = Random(scene_seed(12))
     refusals: list[str] = []

@@ -101,6 +101,39 @@ def test_a_folder_of_observations_gives_a_table_in_its_own_order(
     assert "…" not in heads
 
 
+@pytest.mark.parametrize(("package", "module"), [("solver", "cv2"), ("vbaa_bench", "typer")])
+def test_a_python_without_the_packages_says_so(package: str, module: str) -> None:
+    words = [sys.executable, "-S", "-m", package, "demo"]
+    root = Path(__file__).parents[3]
+    ended = subprocess.run(words, cwd=root, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(f"error: {module} is not installed: pip install ")
+
+
+def test_no_output_replaces_an_input(command: CommandLine, root: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "rig"
+    shutil.copytree(root, rig)
+    shard = next(rig.glob("shard_*"))
+    link = tmp_path / "link.csv"
+    link.symlink_to(shard / "metadata.csv")
+    before = {path: path.read_bytes() for path in rig.rglob("*") if path.is_file()}
+    for out in (rig / "rig.json", rig / "rest" / "rest_00.png", shard / "metadata.csv", link):
+        assert "is read by this command" in command.refused(rig, "--out", out)
+        assert "is read by this command" in command.refused("learn", rig, "--out", out)
+    for folder in (rig, rig / "rest", shard):
+        assert "which is read by this command" in command.refused(rig, "--overlay", folder)
+    picture = next(shard.glob("*.png"))
+    refused = command.refused(picture, "--rig", rig, "--overlay", picture)
+    assert "is read by this command" in refused
+    board = command.refused("board", rig / "rig.json", "--rig", rig)
+    assert "is read by this command" in board
+    assert "is read by this command" in command.refused("snap", picture, picture)
+    assert before == {path: path.read_bytes() for path in rig.rglob("*") if path.is_file()}
+    kept = rig / "rest" / "rest_00.png"
+    assert command("snap", picture, tmp_path / "new.png").err.endswith("new.png written\n")
+    assert command("snap", picture, kept).err.endswith("rest_00.png replaced\n")
+
+
 def test_a_rig_that_contradicts_its_images_is_a_warning(
     command: CommandLine, root: Path, antenna: Antenna, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -381,16 +414,16 @@ def test_a_stream_that_nobody_reads_any_more_ends_quietly(
 
 
 def test_the_board_of_a_rig_is_drawn(command: CommandLine, root: Path) -> None:
-    assert command("board", "board.svg", "--rig", root) == (0, "", "")
+    assert command("board", "board.svg", "--rig", root) == (0, "", "written to board.svg\n")
     assert Path("board.svg").read_text().startswith("<svg")
-    assert command("board", "new/board.svg", "--rig", root) == (0, "", "")
+    assert command("board", "new/board.svg", "--rig", root) == (0, "", "written to new/board.svg\n")
     assert "cannot be written" in command.refused("board", "board.svg/x.svg", "--rig", root)
 
 
 def test_the_readme_starts_with_a_rig_that_can_be_read(command: CommandLine) -> None:
     text = (Path(__file__).parents[3] / "solver" / "README.md").read_text(encoding="utf-8")
     Path("rig.json").write_text(text.split("```json")[1].split("```")[0])
-    assert command("board", "board.svg", "--rig", "rig.json") == (0, "", "")
+    assert command("board", "board.svg", "--rig", "rig.json") == (0, "", "written to board.svg\n")
     # The card fits on a sheet of A4.
     assert 'width="280.0000mm" height="192.0000mm"' in Path("board.svg").read_text()
 
@@ -398,8 +431,8 @@ def test_the_readme_starts_with_a_rig_that_can_be_read(command: CommandLine) -> 
 def test_an_image_is_kept_in_gray(command: CommandLine, images: list[Path]) -> None:
     grey = read_grey(images[0])
     cv2.imwrite("colour.jpg", cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
-    assert command("snap", "colour.jpg", "rig/rest/rest_00.png") == (0, "", "")
-    assert command("snap", "colour.jpg", images[1], "rig/view_08.png") == (0, "", "")
+    assert command("snap", "colour.jpg", "rig/rest/rest_00.png").status == 0
+    assert command("snap", "colour.jpg", images[1], "rig/view_08.png").status == 0
     assert sorted(path.name for path in Path("rig").glob("*.png")) == ["view_08.png", "view_09.png"]
     kept = read_grey(Path("rig/rest/rest_00.png"))
     assert kept.shape == grey.shape
@@ -431,14 +464,14 @@ def test_the_first_frames_of_a_camera_are_not_kept(
     command: CommandLine, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("solver.lab.sources.open_capture", lambda _address: Settling())
-    assert command("snap", "0", "kept.png", "--channel", "r") == (0, "", "")
+    assert command("snap", "0", "kept.png", "--channel", "r").status == 0
     assert (read_grey(Path("kept.png")) == 200).all()
-    assert command("snap", "0", "first.png", "--channel", "r", "--drop", "0") == (0, "", "")
+    assert command("snap", "0", "first.png", "--channel", "r", "--drop", "0").status == 0
     assert (read_grey(Path("first.png")) < 200).all()
     told = json.loads((root / "rig.json").read_text())
     told["camera"]["channel"] = "g"
     Path("rig.json").write_text(json.dumps(told))
-    assert command("snap", "0", "green.png", "--rig", "rig.json") == (0, "", "")
+    assert command("snap", "0", "green.png", "--rig", "rig.json").status == 0
     assert not read_grey(Path("green.png")).any()
     assert "allowed is one of gray, r, g, b, lab_b" in command.refused(
         "snap", "0", "x.png", "--channel", "c"

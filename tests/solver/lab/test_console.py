@@ -57,6 +57,11 @@ def test_every_reason_is_said_once() -> None:
     first, second = reasons([*rows, row("e", values, 1.0)])
     assert first == "3 frames: invalid: the image is black"
     assert second.startswith("1 frame: no contact: ")
+    alone = replace(values, message="from this frame alone: no motor angle is read")
+    remarked = [row(name, alone, 1.0) for name in "fg"]
+    assert reasons(remarked) == ["2 frames: from this frame alone: no motor angle is read"]
+    each = [row(str(n), replace(dark, message=f"{n} px off"), 1.0) for n in range(9)]
+    assert reasons(each)[6:] == ["3 more messages are in the table that is written"]
 
 
 def drawn_wire() -> BeamShape:

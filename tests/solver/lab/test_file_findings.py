@@ -40,6 +40,12 @@ def test_an_image_that_is_not_used_is_named(rig: Path) -> None:
     ]
 
 
+def test_one_image_at_rest_is_few(rig: Path) -> None:
+    for path in sorted((rig / "rest").glob("rest_*"))[1:]:
+        path.unlink()
+    assert [finding.name for finding in file_findings(open_rig(rig))] == ["one_rest_image"]
+
+
 def test_a_first_view_that_is_missing_is_named(rig: Path) -> None:
     (rig / "calibration" / "view_00.png").unlink()
     (finding,) = file_findings(open_rig(rig))
