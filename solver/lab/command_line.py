@@ -66,7 +66,12 @@ from solver.methods.by_name import find_method
 from solver.set_up import set_up
 
 app = typer.Typer(
-    cls=Group, add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True
+    cls=Group,
+    help="Estimate contact and force from images of a beam. The word solve may be left out: "
+    "python -m solver images/*.png --rig rig",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
 )
 
 
@@ -169,7 +174,8 @@ def solve(
 
 def _show(rows: list[Row], method: str, where: str, accuracy: Sequence[str]) -> None:
     Console().print(table(rows, method))
-    for line in (*reasons(rows), *accuracy, f"{len(rows)} estimates in {where}"):
+    count = f"{len(rows)} estimate{'' if len(rows) == 1 else 's'}"
+    for line in (*reasons(rows), *accuracy, f"{count} in {where}"):
         Console(soft_wrap=True).print(line, markup=False)
 
 

@@ -55,7 +55,7 @@ def summary_table(
         texts = [percent(share) if summary.reached else "–" for share in shares]
         reached = f"{summary.reached} of {summary.places}" if not summary.reason else "impossible"
         rows.append((summary.design, *cells, *texts, reached))
-    return SummaryTable((*heads, "places"), rows)
+    return SummaryTable((*heads, "places reached"), rows)
 
 
 def answers(summaries: Sequence[Summary], requirements: Sequence[Requirement]) -> list[str]:

@@ -95,7 +95,7 @@ def test_answers_name_the_best_designs() -> None:
 def test_a_row_has_limits_shares_and_places() -> None:
     heads, lines = summary_table(rows(), REQUIRED)
     assert heads[:4] == ("design", "x_c, % of L", "force, mN", "force, %")
-    assert heads[-2:] == ("all, % of places", "places")
+    assert heads[-2:] == ("all, % of places", "places reached")
     assert lines[0][:2] == ("200", "0.2 (0.1–0.2)")
     assert lines[0][-4:] == ("100", "60", "60", "5 of 6")
     assert lines[2] == ("300", *["–"] * 7, "impossible")
