@@ -148,17 +148,18 @@ def check(
     The exit status is 1 if anything is.
     """
     with importing():
-        from vbaa_bench.suite.submission import check_submission
+        from vbaa_bench.suite.submission import check_submission, read_submission
 
     with console.status("checking"):
         findings = check_submission(submission)
     wrong = [finding for finding in findings if finding.wrong]
     lines = [f"{'wrong' if one.wrong else 'note ':5}  {one.sentence}" for one in findings]
-    lines.append(
-        f"{submission}: {len(wrong)} mistakes"
-        if wrong
-        else f"{submission}: can be sent; code was read and not run: check-method runs it"
-    )
+    if wrong:
+        lines.append(f"{submission}: {len(wrong)} mistakes")
+    elif read_submission(submission).code is None:
+        lines.append(f"{submission}: can be sent")
+    else:
+        lines.append(f"{submission}: can be sent; code was not run, check-method runs it")
     record = {"findings": [finding._asdict() for finding in findings]}
     print_result(record, "\n".join(lines), as_json)
     if wrong:
