@@ -10,7 +10,6 @@ from solver.instrument.files import write_bytes
 from solver.instrument.hashes import (
     HASHES,
     MAX_NAME,
-    checks_itself,
     digest,
     hashes_bytes,
     parse_hashes,
@@ -50,7 +49,7 @@ def test_every_change_of_a_table_is_noticed() -> None:
             data[:place] + b" " + data[place + 1 :],
         ):
             if changed != data:
-                assert parse_hashes(changed) is None or not checks_itself(changed)
+                assert parse_hashes(changed) is None
 
 
 @pytest.mark.parametrize("name", ["a" * (MAX_NAME + 1), "a\ud800", "a\n", "../a", "/a"])
