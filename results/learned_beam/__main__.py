@@ -62,9 +62,8 @@ def check_learning(
             options += f" --object-radius-mm {object_radius_mm:g}"
         if weights is not None:
             options += f" --weights {weights}"
-        command = (
-            f"python -m results.learned_beam {' '.join(map(str, datasets))} {options} --out {out}"
-        )
+        names = " ".join(map(str, datasets))
+        command = f"python -m results.learned_beam {names} {options} --out {out.name}"
         write(out, markdown(results, command).encode())
     if as_json:
         print_result({"results": [one.record() for one in results]}, "", True)

@@ -35,7 +35,7 @@ def check_limits(
             scenes, choose(variant), frames, exposures, lambda: progress.advance(task)
         )
     if out:
-        counts = f"--frames {frames} --exposures {exposures} --out {out}"
+        counts = f"--frames {frames} --exposures {exposures} --out {out.name}"
         command = f"python -m results.limits {' '.join(map(str, scenes))} {counts}"
         write(out, page.markdown(record, command).encode())
     if as_json:

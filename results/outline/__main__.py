@@ -50,7 +50,9 @@ def outline(
             write(out / f"{name}.png", png(reconstruction, file.scene.title))
     if out:
         options = "" if seed is None else f" --seed {seed}"
-        command = f"python -m results.outline {' '.join(map(str, scenes))}{options} --out {out}"
+        command = (
+            f"python -m results.outline {' '.join(map(str, scenes))}{options} --out results/outline"
+        )
         write(out / "README.md", markdown(records, command).encode())
     if as_json:
         print_result({"scenes": records}, "", True)

@@ -48,7 +48,9 @@ def check_photographs(
     solved = [one for number in range(rigs) for one in compare(number, folder)]
     scored = records(solved)
     if out:
-        command = f"python -m results.photographs --rigs {rigs} --seed {seed} --out {out}"
+        command = (
+            f"python -m results.photographs --rigs {rigs} --seed {seed} --out results/photographs"
+        )
         write(out / "photographs.jpg", picture(folder, rigs))
         write(out / "README.md", markdown(scored, solved, command, "photographs.jpg").encode())
     if as_json:

@@ -1,1 +1,1 @@
-python -m results.photographs --rigs 12 --seed 1 --out "$(realpath --relative-to=. "$OUT")"
+python -m results.photographs --rigs 12 --seed 1 --out "$OUT"
