@@ -51,7 +51,8 @@ class Appearance:
     the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
     ground without structure. A profile that `is_sampled` is that of the images, not that of the
     section; one that is `in_part` was seen at some places between the pixels only. `second_line`
-    describes a line beside the beam, "" if there is none.
+    describes a line beside the beam, "" if there is none, and `second_line_sigma_px` is that of the
+    error by which it moves all of the beam.
     """
 
     polarity: int
@@ -70,6 +71,7 @@ class Appearance:
     is_sampled: bool = False
     in_part: bool = False
     second_line: str = ""
+    second_line_sigma_px: float = 0.0
 
     @property
     def shading(self) -> float:
@@ -127,6 +129,8 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     second_line = "" if line.second is None else _sentence(line.second, guide)
     clear = math.inf if line.second is None else line.second.clear_px
     needed = math.ceil(guide.radius_px + FIRST_REACH_PX) + 1
+    overlap = 0.0 if line.second is None or clear >= needed else abs(line.second.contrast)
+    moved_px = 0.0
     apart = max(clear, needed)
     rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale, apart)
     reach = guide.radius_px + FIRST_REACH_PX
@@ -134,11 +138,12 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     if ground is not None:
         # A nearer line is a part of the ground. What is left moves the beam alike at rest and bent.
         look = _look_before(rest, ground, beam, stated)
-    elif clear < needed:
+    elif overlap > LIMITS.max_overlap_contrast:
         raise InputError(
             f"{second_line}; it begins {clear:.1f} px from the beam's axis, needed are {needed}"
         )
     else:
+        moved_px = LIMITS.overlap_sigma_px * overlap
         sampled, table = _sampled(rest), None
         if sampled is not None:
             path = _moved(path, places, places.sense * sampled.off_path)
@@ -154,7 +159,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
             f"curve, allowed is {LIMITS.max_scatter_px:g}: the ground's structure hides the beam"
         )
     radius = look.section.radius * guide.pixel
-    look = replace(look, second_line=second_line)
+    look = replace(look, second_line=second_line, second_line_sigma_px=moved_px)
     return look, replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
 
 

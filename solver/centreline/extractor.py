@@ -4,6 +4,7 @@ find -> stations -> profile fit -> flags of columns that do not look like the be
 beam's appearance is learned from the images of it at rest.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, Self
@@ -179,7 +180,7 @@ class BeamExtractor:
             flags=reasons,
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
-            common_sigma=common_sigma,
+            common_sigma=math.hypot(common_sigma, appearance.second_line_sigma_px),
             remark=self._remark(typical_brightness, background) if len(points) else "",
         )
 

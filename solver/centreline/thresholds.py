@@ -31,6 +31,12 @@ class CentrelineThresholds(NamedTuple):
     # Contrast of a second line beside the beam at rest, over the beam's. Chosen: fainter lines are
     # in the sigma of the points; 16 rendered scenes have none of this contrast.
     min_second_contrast: float = 0.05
+    # Such a line within the pixels of a fit moves the beam, at rest and bent almost alike: sigma
+    # [px] of the difference over the line's contrast, and largest contrast. Measured: on drawn
+    # beams of radius 0.8 and 1.7 px, with sharp and soft lines of up to this contrast 4 and 6 px
+    # away; the root mean square was 0.18, the largest difference 0.39.
+    overlap_sigma_px: float = 0.2
+    max_overlap_contrast: float = 0.3
     # Distance [px] of its middle from the beam's edge, where the beam's contrast has fallen to the
     # share `beam_edge`. Chosen: with 2 px, shadows 5 px beside a beam of radius 0.8 px are missed.
     min_gap_px: float = 1.5
