@@ -161,6 +161,8 @@ def _other_charuco(markers: _Markers, board: Charuco, seen: bool) -> str:
         rows = _rows_in_place(markers, columns)
         if len(rows) < _SHARE_IN_PLACE * len(markers.numbers):
             return ""
+    if len(np.unique(rows)) < 3:  # markers in a line, or in two, fit other boards as well
+        return ""
     # One marker below the last row may be a pattern in the picture.
     too_many = np.sort(rows)[-2] > board.rows
     too_few = not seen and rows.max() < board.rows

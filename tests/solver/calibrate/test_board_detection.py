@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.calibrate import detect_board
+from solver.calibrate.saddles import _Markers, _other_charuco
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
@@ -151,6 +152,15 @@ def test_markers_show_a_board_of_another_size(
     )
     with pytest.raises(InputError, match="markers of a board of 10 x 8 inner corners or more"):
         detect_board(view, Charuco(columns, rows, SQUARE, "4x4_100"))
+
+
+@pytest.mark.parametrize("columns", [7, 10, 11, 14])
+def test_markers_of_two_rows_show_no_other_board(columns: int) -> None:
+    numbers = np.arange(8)
+    board = Charuco(columns, 6, SQUARE, "4x4_100")
+    row, column = np.divmod(2 * numbers + 1, 11)
+    centres = 20.0 * np.column_stack([column, row]) + [30.0, 40.0]
+    assert _other_charuco(_Markers(numbers, centres), board, seen=False) == ""
 
 
 def test_rows_that_the_view_does_not_show_may_exist(random: np.random.Generator) -> None:
