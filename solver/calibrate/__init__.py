@@ -115,6 +115,7 @@ def detect_board(view: Grey, board: Board, quarter_turns: int = 0) -> BoardDetec
 
     They are detected in 8 bits and refined in all bits that the view has. The board in the view is
     turned by `quarter_turns` clockwise, or counterclockwise if negative, and up to 45 degrees more.
+    Raises InputError if markers show a mirrored board, or one of another size.
     """
     if quarter_turns and ambiguous(board):
         # Counterclockwise by as much, the board is upright.

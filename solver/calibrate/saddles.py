@@ -96,7 +96,7 @@ def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
 
     OpenCV before 4.6 printed boards with an even number of rows of squares in other colours: the
     upper left square was white. They are tried where the board of today is not found. Raises
-    InputError if the markers are mirrored.
+    InputError if the markers are mirrored, or are those of a board of another size.
     """
     # At twice the size, marker bits of two pixels are readable.
     enlarged = np.asarray(
@@ -176,7 +176,7 @@ def _other_charuco(markers: _Markers, board: Charuco, seen: bool) -> str:
 
 
 def _rows_in_place(markers: _Markers, columns: int) -> npt.NDArray[np.int64]:
-    """Return the rows of squares of the markers that are in place on a board of so many columns.
+    """Return the rows of those markers that are in place on a board with `columns` of squares.
 
     White squares have the markers. `first` is the number of black squares before the first white
     one: one, or none on some boards of before OpenCV 4.6.

@@ -1,4 +1,4 @@
-"""Consistency checks of the files of a rig: their names, and those of columns."""
+"""Consistency checks of the files of a rig: their names and number, and names of columns."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from solver.lab.findings import Finding
 
 
 def file_findings(observations: Observations, tables: Sequence[Path] = ()) -> tuple[Finding, ...]:
-    """List the files beside rig.json whose names hide them, and misspelt columns of `tables`.
+    """List files beside rig.json that are hidden or missing, and misspelt columns of `tables`.
 
     The files of a generated tree are those that it lists. Raises InputError for a table that cannot
     be read.
