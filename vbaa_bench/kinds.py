@@ -3,8 +3,14 @@
 from vbaa_bench.geometry.mesh import mesh_of
 from vbaa_bench.geometry.sheets import annulus, rectangle
 from vbaa_bench.geometry.solids import box, lofted, prism, rod, together
-from vbaa_bench.geometry.textures import Texture, image_texture, random_texture
+from vbaa_bench.geometry.textures import (
+    Texture,
+    gradient_texture,
+    image_texture,
+    random_texture,
+)
 from vbaa_bench.mechanics.surfaces import Solid, ball, upright
+from vbaa_bench.scene.background import GROUNDS, GroundKind, GroundSetting, Sheet
 from vbaa_bench.scene.files import EnvironmentName, ImageFiles, ImageName, MeshName
 from vbaa_bench.scene.lights.emitter import Emitter, Lamp, pose_towards
 from vbaa_bench.scene.lights.light import LIGHTS, AimedKind, LightKind, LightSetting, metres
@@ -17,19 +23,28 @@ from vbaa_bench.scene.objects.object import (
     TouchedKind,
     UprightKind,
 )
+from vbaa_bench.scene.occlusion import OCCLUDERS, Area, Occluder
+from vbaa_bench.scene.paint import FINISHES, Finish
 from vbaa_bench.scene.part import Coordinate, Fraction, NonNegative, Positive, Triple, Turn
 from vbaa_bench.scene.textures.texture import TEXTURES, TextureKind, TextureSetting
 
 __all__ = [
+    "FINISHES",
+    "GROUNDS",
     "LIGHTS",
     "NO_SHADING",
     "OBJECTS",
+    "OCCLUDERS",
     "TEXTURES",
     "AimedKind",
+    "Area",
     "Coordinate",
     "Emitter",
     "EnvironmentName",
+    "Finish",
     "Fraction",
+    "GroundKind",
+    "GroundSetting",
     "ImageFiles",
     "ImageName",
     "Lamp",
@@ -39,7 +54,9 @@ __all__ = [
     "NonNegative",
     "ObjectKind",
     "ObjectSetting",
+    "Occluder",
     "Positive",
+    "Sheet",
     "Sight",
     "Solid",
     "Tangent",
@@ -54,6 +71,7 @@ __all__ = [
     "annulus",
     "ball",
     "box",
+    "gradient_texture",
     "image_texture",
     "lofted",
     "mesh_of",

@@ -87,8 +87,7 @@ def viewpoint(assembler: SceneAssembler) -> Viewpoint:
 
 
 def _new(mesh: trimesh.Trimesh, colour: Colour, paint: str, roughness: float = 0.3) -> ColouredBody:
-    kind = {"matt": "matt", "gloss": "gloss", "bare": "bare"}[paint]
-    return ColouredBody(Surface(mesh, 0.5, kind, roughness=roughness), colour)  # type: ignore[arg-type]
+    return ColouredBody(Surface(mesh, 0.5, paint, roughness=roughness), colour)
 
 
 def _coloured(name: str, surface: Surface) -> ColouredBody:

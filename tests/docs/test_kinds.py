@@ -25,7 +25,9 @@ from vbaa_bench.scene.user_modules import modules_in_use, use_module
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "kinds.md").read_text(encoding="utf-8")
 # In place of the page's own pushes: two frames of a small image, and all kinds of the page.
 SMALL: Final = """
-object: {kind: hex_bar, texture: {kind: bands}}
+object: {kind: hex_bar, texture: {kind: bands}, paint: lacquer}
+background: {pattern: dots, reflectance: 0.2}
+occlusion: {kind: [cross], availability: [0.9]}
 camera: {width_px: 256, height_px: 88, focal_length_px: 350, position_mm: [120, 22, 360],
          look_at_mm: [120, 22, 0]}
 calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120, 22], views: 4}
@@ -41,9 +43,10 @@ def blocks(language: str) -> list[str]:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with the page's module and scene, in which the commands run."""
-    *lamp, bar, bands = blocks("python")
+    *lamp, bar, bands, looks = blocks("python")
     (tmp_path / "my_lamp.py").write_text("\n".join(lamp), encoding="utf-8")
     (tmp_path / "my_object.py").write_text(f"{bar}\n{bands}", encoding="utf-8")
+    (tmp_path / "my_looks.py").write_text(looks, encoding="utf-8")
     (text,) = blocks("yaml")
     text = text.partition("pushes:")[0].replace("lights:", "lights:\n  - {kind: sun}")
     (tmp_path / "my_scene.yaml").write_text(text + SMALL, encoding="utf-8")
@@ -63,6 +66,7 @@ def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -
     scene, module = folder / "my_scene.yaml", folder / "my_lamp.py"
     use_module("my_lamp")
     use_module("my_object")
+    use_module("my_looks")
     digests = {used.name: used.digest for used in modules_in_use()}
     one, two = made(folder, 1, variant), made(folder, 2, variant)
     assert dataset_digest(one.root) == dataset_digest(two.root)
@@ -83,9 +87,13 @@ def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -
             f"stripe, spot, environment; a kind of your own needs --module\n"
             f"{scene}:5:6: lights[1].kind is 'led_bar', allowed is one of area, side, ring, back, "
             f"stripe, spot, environment; a kind of your own needs --module\n"
+            f"{scene}:8:14: background.pattern is 'dots', allowed is one of plain, squares, "
+            "graded, textured, image; a kind of your own needs --module\n"
             f"{scene}:7:10: object.kind is 'hex_bar', allowed is one of block, cylinder, peg, "
             "sphere, knife_edge, wall, plunger, pad, mesh, weight, none; a kind of your own needs "
-            "--module"
+            "--module\n"
+            f"{scene}:9:20: occlusion.kind[0] is 'cross', allowed is one of removed, sheet, bars, "
+            "leaves; a kind of your own needs --module"
         )
         assert open_truth(one.truth).frames.height == 2
         assert verify(one.root).faults == []
@@ -93,8 +101,10 @@ def test_the_page_works_from_a_scene_to_its_scores(folder: Path, variant: str) -
         assert score(one.root).table()["n"].to_list() == [2]
         # Only what renders again needs the module, and says so.
         (folder / "by_1/observations/shard_00000").rename(folder / "lost")
-        missing = r"identity.json: lights\[0\]\.kind is 'sun', .*\n.*\n.* object\.kind is 'hex_"
-        with pytest.raises(InputError, match=f"{missing}.*; a kind of your own needs --module$"):
+        missing = r"identity.json: lights\[0\]\.kind is 'sun', .*\n.*\n.*\n.* object\.kind is 'hex_"
+        with pytest.raises(
+            InputError, match=f"{missing}.*\n.*; a kind of your own needs --module$"
+        ):
             verify(one.root, repair=True)
 
 
@@ -103,9 +113,10 @@ def test_the_commands_of_the_page_use_the_module(folder: Path) -> None:
     (text,) = blocks("sh")
     lines = [line.partition("#")[0].split()[1:] for line in text.splitlines()]
     assert [line[0] for line in lines] == ["view", "run"]
-    app([*lines[0], "--module", "my_object"], standalone_mode=False)
+    others = ["--module", "my_object", "--module", "my_looks"]
+    app([*lines[0], *others], standalone_mode=False)
     assert (folder / "my_scene_0.png").is_file()
-    assert [module.name for module in modules_in_use()] == ["my_lamp", "my_object"]
+    assert [module.name for module in modules_in_use()] == ["my_lamp", "my_object", "my_looks"]
 
 
 def test_every_command_that_builds_a_scene_takes_modules() -> None:

@@ -22,6 +22,7 @@ from vbaa_bench.dataset.format_version import SCHEMA
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.program import versions
 from vbaa_bench.scene.load import recorded_values
+from vbaa_bench.scene.mistakes import unknown_kind
 from vbaa_bench.scene.push import PushSpec
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
@@ -175,8 +176,11 @@ def _checked_scene(path: Path, scene: Any) -> dict[str, Any]:
     try:
         Scene.model_validate(recorded_values(scene, path))
     except ValidationError as error:
+        unknown = [mistake["loc"] for mistake in error.errors() if _is_unknown_kind(mistake)]
         for mistake in error.errors():
-            if mistake["type"] not in _OF_OTHER_VERSIONS and not _is_unknown_kind(mistake):
+            # A list of which an item is unknown has an error, too.
+            within = any(key[: len(mistake["loc"])] == mistake["loc"] for key in unknown)
+            if mistake["type"] not in _OF_OTHER_VERSIONS and not within:
                 raise InputError(mistake_sentence(path, mistake, "scene")) from error
     pushes = PushSpec(contact_distance_mm=(1.0,), deflection_pct=(1.0,))
     defaults = Scene(title="-", seed=0, pushes=pushes).model_dump(mode="json")
@@ -184,14 +188,12 @@ def _checked_scene(path: Path, scene: Any) -> dict[str, Any]:
 
 
 def _is_unknown_kind(mistake: Any) -> bool:
-    """Test whether a section is of a kind that this process does not know.
+    """Test whether a key or section is of a kind that this process does not know.
 
     It is that of a user's module or of another version. Reading needs no module, and loads none.
     """
-    if mistake["type"] != "union_tag_invalid":
-        return False
-    kind = mistake["input"]["kind"]
-    return isinstance(kind, str) and kind.isidentifier() and len(kind) <= _MAX_KIND_LENGTH
+    kind = unknown_kind(mistake)
+    return kind is not None and kind.isidentifier() and len(kind) <= _MAX_KIND_LENGTH
 
 
 def _filled(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ def bsdf(
     `reflectance` is the diffuse reflectance of matt and gloss paint, unless there is a `texture`;
     `roughness` is the alpha of the rough surface of gloss and bare.
     """
-    finish = FINISHES[paint]
+    finish = FINISHES[paint]()
     diffuse: dict[str, Any] = {"type": "rgb", "value": finish.mean(reflectance)}
     specular = None
     if texture is not None:

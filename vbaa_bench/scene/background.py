@@ -1,10 +1,11 @@
 """The background under the beam: its keys, and what each of its patterns decides.
 
-A pattern is a name in `BackgroundSpec.pattern`, its keys there, and a kind of ground in `GROUNDS`.
+A pattern is a kind of ground that is registered under its name in `GROUNDS`. All have the keys of
+`BackgroundSpec` in common.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
@@ -17,6 +18,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.mesh import Mesh
 from vbaa_bench.geometry.sheets import edge_side, edged_sheet, sheet, squares
 from vbaa_bench.geometry.textures import Texture, gradient_texture, image_texture, random_texture
+from vbaa_bench.scene.families import Names
 from vbaa_bench.scene.files import ImageFiles, ImageName
 from vbaa_bench.scene.part import Coordinate, Fraction, Part, Positive, Turn
 
@@ -105,112 +107,16 @@ class EdgeSpec(Part):
         yield Sheet("floor", sheet(floor, side, 1), self.floor_reflectance)
 
 
-class BackgroundSpec(Part):
-    """Matt sheet below plane C, wider than the camera's view.
-
-    It is plain; has darker squares; is graded, from `reflectance` on one side of the view to
-    `far_reflectance` on the other; is textured at random, like cork, wood or foam; or shows an
-    image, a PNG, JPEG or OpenEXR file in the scene's folder or below, repeated and
-    `image_width_mm` wide. An image's mean is `reflectance`.
-    """
-
-    distance_mm: Positive = Field(default=30, description="Distance below plane C.")
-    reflectance: Fraction = Field(
-        default=0.05,
-        description="Reflectance, of squares the brighter one, of textures and images the mean.",
-    )
-    pattern: Literal["plain", "squares", "graded", "textured", "image"] = Field(
-        default="plain",
-        description="How it looks: an even gray, squares, a gradient, a random texture, or an "
-        "image.",
-    )
-    square_mm: Positive = Field(default=15, description="Side of the squares.")
-    square_reflectance: Fraction = Field(
-        default=0.02, description="Reflectance of the darker squares."
-    )
-    square_offset_mm: tuple[Coordinate, Coordinate] = Field(
-        default=(0.0, 0.0),
-        description="Place, relative to below the beam's middle, where four squares meet; "
-        "with no offset an edge between squares lies along the beam at rest.",
-    )
-    square_turn_deg: Turn = Field(
-        default=0.0, description="Direction of the squares, from +x to +y."
-    )
-    far_reflectance: Fraction = Field(
-        default=0.30, description="Reflectance at the far end of a gradient."
-    )
-    gradient_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
-        default=90, description="Direction of the change to `far_reflectance`, from +x to +y."
-    )
-    gradient_mm: Positive = Field(default=200, description="Length of the change.")
-    contrast: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.4, description="Standard deviation of a texture's reflectance over its mean."
-    )
-    correlation_mm: Positive = Field(
-        default=2.0, description="Distance at which a texture's correlation is 1/e, along y."
-    )
-    correlation_ratio: Annotated[float, Field(ge=1, le=100)] = Field(
-        default=1.0, description="Distance at which it is 1/e along x, over that along y."
-    )
-    image_file: ImageName | None = Field(
-        default=None, description="File of the image, in the scene's folder or below."
-    )
-    image_width_mm: Positive = Field(
-        default=200, description="Width of the image, which is repeated."
-    )
-    edge: EdgeSpec | None = Field(
-        default=None,
-        description="Edge of the ground, if the camera is to see one; not with squares.",
-    )
-    fixed_to: Literal["antenna", "world"] = Field(
-        default="antenna",
-        description="Fixed to the antenna's base plate, or to the world, where it turns past "
-        "the camera.",
-    )
-
-    @model_validator(mode="after")
-    def _check_image(self) -> "BackgroundSpec":
-        if (self.pattern == "image") != (self.image_file is not None):
-            raise ValueError("image_file must be given for the pattern image only")
-        return self
-
-    @model_validator(mode="after")
-    def _check_edge(self) -> "BackgroundSpec":
-        if self.edge is not None and not self.kind.may_have_edge:
-            raise ValueError(
-                f"edge is given and pattern is {self.pattern}, allowed is any other pattern"
-            )
-        return self
-
-    @property
-    def kind(self) -> "GroundKind":
-        """What the pattern decides."""
-        return GROUNDS[self.pattern](self)
-
-    @property
-    def height(self) -> float:
-        """Height [m] above plane C; it is negative."""
-        return -self.distance_mm * MILLIMETRE
-
-    @property
-    def is_endless(self) -> bool:
-        """Whether it looks the same at every motor angle."""
-        return self.kind.is_even and self.edge is None
-
-    def below_edge(self, setting: GroundSetting) -> Iterator[Sheet]:
-        """Yield what is beyond the edge, made anew; nothing without an edge."""
-        if self.edge is not None:
-            yield from self.edge.below(setting.middle(self.height), setting.endless)
-
-
 @dataclass(frozen=True)
 class GroundKind:
     """A kind of ground: an even sheet, and the base of those with a pattern."""
 
-    spec: BackgroundSpec
+    spec: "BackgroundSpec"
 
     # Whether all of it looks the same.
     is_even: ClassVar[bool] = False
+    # Whether it shows `spec.image_file`, which others must not have.
+    needs_image: ClassVar[bool] = False
     # Whether it may end at an edge.
     may_have_edge: ClassVar[bool] = True
     # Whether a pattern of several surfaces in one plane slides in it where the ground turns.
@@ -241,7 +147,7 @@ class GroundKind:
         edge, side = self.spec.edge, setting.endless
         return sheet(middle, side, 1) if edge is None else edge.top(middle, side)
 
-    def _places(self, setting: GroundSetting) -> Floats:
+    def places(self, setting: GroundSetting) -> Floats:
         """Return the corners (n, 2) [m] of the sheet, about the place below the beam's middle."""
         return np.asarray(self._sheet(np.zeros(3), setting).vertices)[:, :2]
 
@@ -304,7 +210,7 @@ class _Graded(GroundKind):
     def texture(
         self, setting: GroundSetting, _files: ImageFiles, _random: np.random.Generator
     ) -> Texture:
-        spec, places = self.spec, self._places(setting)
+        spec, places = self.spec, self.places(setting)
         azimuth, length = spec.gradient_deg * DEGREE, spec.gradient_mm * MILLIMETRE
         return gradient_texture(places, spec.reflectance, spec.far_reflectance, azimuth, length)
 
@@ -313,28 +219,123 @@ class _Textured(GroundKind):
     def texture(
         self, setting: GroundSetting, _files: ImageFiles, random: np.random.Generator
     ) -> Texture:
-        spec, places = self.spec, self._places(setting)
+        spec, places = self.spec, self.places(setting)
         grain = spec.correlation_mm * MILLIMETRE
         lengths, repeat = (grain * spec.correlation_ratio, grain), 2 * setting.beam_length
         return random_texture(places, spec.reflectance, spec.contrast, lengths, repeat, random)
 
 
 class _Image(GroundKind):
+    needs_image = True
+
     def texture(
         self, setting: GroundSetting, files: ImageFiles, _random: np.random.Generator
     ) -> Texture:
-        spec, places = self.spec, self._places(setting)
+        spec, places = self.spec, self.places(setting)
         assert spec.image_file is not None
         image, width = files.image(spec.image_file), spec.image_width_mm * MILLIMETRE
         return image_texture(places, image, spec.reflectance, width)
 
 
-GROUNDS: Final[Mapping[str, type[GroundKind]]] = {
-    "plain": _Plain,
-    "squares": Squares,
-    "graded": _Graded,
-    "textured": _Textured,
-    "image": _Image,
-}
+GROUNDS: Final = Names[GroundKind]()
+GROUNDS.register(plain=_Plain, squares=Squares, graded=_Graded, textured=_Textured, image=_Image)
 # Names of all surfaces of grounds.
 GROUND: Final = {"background", "background_squares", "table_side", "floor"}
+
+
+class BackgroundSpec(Part):
+    """Matt sheet below plane C, wider than the camera's view.
+
+    It is plain; has darker squares; is graded, from `reflectance` on one side of the view to
+    `far_reflectance` on the other; is textured at random, like cork, wood or foam; or shows an
+    image, a PNG, JPEG or OpenEXR file in the scene's folder or below, repeated and
+    `image_width_mm` wide. An image's mean is `reflectance`.
+    """
+
+    distance_mm: Positive = Field(default=30, description="Distance below plane C.")
+    reflectance: Fraction = Field(
+        default=0.05,
+        description="Reflectance, of squares the brighter one, of textures and images the mean.",
+    )
+    pattern: Annotated[str, GROUNDS] = Field(
+        default="plain",
+        description="How it looks: an even gray, squares, a gradient, a random texture, or an "
+        "image.",
+    )
+    square_mm: Positive = Field(default=15, description="Side of the squares.")
+    square_reflectance: Fraction = Field(
+        default=0.02, description="Reflectance of the darker squares."
+    )
+    square_offset_mm: tuple[Coordinate, Coordinate] = Field(
+        default=(0.0, 0.0),
+        description="Place, relative to below the beam's middle, where four squares meet; "
+        "with no offset an edge between squares lies along the beam at rest.",
+    )
+    square_turn_deg: Turn = Field(
+        default=0.0, description="Direction of the squares, from +x to +y."
+    )
+    far_reflectance: Fraction = Field(
+        default=0.30, description="Reflectance at the far end of a gradient."
+    )
+    gradient_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        default=90, description="Direction of the change to `far_reflectance`, from +x to +y."
+    )
+    gradient_mm: Positive = Field(default=200, description="Length of the change.")
+    contrast: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.4, description="Standard deviation of a texture's reflectance over its mean."
+    )
+    correlation_mm: Positive = Field(
+        default=2.0, description="Distance at which a texture's correlation is 1/e, along y."
+    )
+    correlation_ratio: Annotated[float, Field(ge=1, le=100)] = Field(
+        default=1.0, description="Distance at which it is 1/e along x, over that along y."
+    )
+    image_file: ImageName | None = Field(
+        default=None, description="File of the image, in the scene's folder or below."
+    )
+    image_width_mm: Positive = Field(
+        default=200, description="Width of the image, which is repeated."
+    )
+    edge: EdgeSpec | None = Field(
+        default=None,
+        description="Edge of the ground, if the camera is to see one; not with squares.",
+    )
+    fixed_to: Literal["antenna", "world"] = Field(
+        default="antenna",
+        description="Fixed to the antenna's base plate, or to the world, where it turns past "
+        "the camera.",
+    )
+
+    @model_validator(mode="after")
+    def _check_image(self) -> "BackgroundSpec":
+        if self.kind.needs_image != (self.image_file is not None):
+            raise ValueError("image_file must be given for the pattern image only")
+        return self
+
+    @model_validator(mode="after")
+    def _check_edge(self) -> "BackgroundSpec":
+        if self.edge is not None and not self.kind.may_have_edge:
+            raise ValueError(
+                f"edge is given and pattern is {self.pattern}, allowed is any other pattern"
+            )
+        return self
+
+    @property
+    def kind(self) -> GroundKind:
+        """What the pattern decides."""
+        return GROUNDS[self.pattern](self)
+
+    @property
+    def height(self) -> float:
+        """Height [m] above plane C; it is negative."""
+        return -self.distance_mm * MILLIMETRE
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether it looks the same at every motor angle."""
+        return self.kind.is_even and self.edge is None
+
+    def below_edge(self, setting: GroundSetting) -> Iterator[Sheet]:
+        """Yield what is beyond the edge, made anew; nothing without an edge."""
+        if self.edge is not None:
+            yield from self.edge.below(setting.middle(self.height), setting.endless)

@@ -7,7 +7,7 @@ values, of which some may be distributions: every file that may be drawn is name
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Final, Literal, NamedTuple, Protocol, get_args
+from typing import Annotated, Any, Final, Literal, NamedTuple, Protocol
 
 from pydantic import BaseModel, Field
 from pydantic.fields import FieldInfo
@@ -16,7 +16,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import HASHES
 from vbaa_bench.scene.distributions import Choice, From
-from vbaa_bench.scene.families import narrowed, sections
+from vbaa_bench.scene.families import marks, narrowed, sections
 from vbaa_bench.scene.part import KeyPath
 
 # Longest name, with folders. Chosen: file names can have 255 characters.
@@ -103,14 +103,12 @@ def named_files(tree: Any, model: type[BaseModel]) -> tuple[NamedFile, ...]:
 
 def _kind_of_file(field: FieldInfo) -> Kind | None:
     """Return the kind of file that a key names, None if it names none."""
-    marks = [*field.metadata, *_parts(field.annotation)]
-    return next((mark.kind for mark in marks if isinstance(mark, NamesFile)), None)
+    return next((mark.kind for mark in marks(field) if isinstance(mark, NamesFile)), None)
 
 
-def _parts(annotation: Any) -> Iterator[Any]:
-    for part in get_args(annotation):
-        yield part
-        yield from _parts(part)
+def name_of(key: KeyPath) -> str:
+    """Return the name of a key in its section, also for an item of a list."""
+    return next(part for part in reversed(key) if isinstance(part, str))
 
 
 class Leaf(NamedTuple):
@@ -137,7 +135,7 @@ def leaves(tree: Mapping[str, Any], model: type[BaseModel]) -> Iterator[Leaf]:
 
 def _fields(models: Sequence[type[BaseModel]], key: KeyPath) -> list[FieldInfo]:
     """List the fields of a key, which may be that of an item of a list, in some models."""
-    name = next(part for part in reversed(key) if isinstance(part, str))
+    name = name_of(key)
     return [model.model_fields[name] for model in models if name in model.model_fields]
 
 

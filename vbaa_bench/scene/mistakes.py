@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from solver.instrument.errors import quoted, suggestion, truncated
-from vbaa_bench.scene.families import family_of, kind_of, sections
+from vbaa_bench.scene.families import family_of, kind_of, names_of, sections
 from vbaa_bench.scene.part import KeyPath
 from vbaa_bench.scene.random_keys import DistributionError
 from vbaa_bench.scene.schema import Scene
@@ -87,14 +87,13 @@ def _mistake(document: Any, mistake: Any, model: type[BaseModel] = Scene) -> tup
         case "union_tag_invalid" | "union_tag_not_found":
             state = "missing" if kind == "union_tag_not_found" else quoted(value["kind"])
             allowed = ", ".join(str(kind_of(kind)) for kind in _models(mistake["loc"], model))
-            remedy = (
-                "; a kind of your own needs --module" if _is_unknown_kind(mistake, model) else ""
-            )
+            remedy = _remedy(mistake, model)
             return (*key, "kind"), f"is {state}, allowed is one of {allowed}{remedy}"
         case "value_error":
             return key, str(context["error"])
         case "literal_error":
             allowed = f"one of {context['expected']}".replace("'", "").replace(" or ", ", ")
+            allowed += _remedy(mistake, model)
         case "too_short":
             allowed = f"a list of at least {context['min_length']}"
         case "string_too_short":
@@ -110,10 +109,20 @@ def _mistake(document: Any, mistake: Any, model: type[BaseModel] = Scene) -> tup
     return key, f"is {quoted(plain_value)}, allowed is {allowed}"
 
 
-def _is_unknown_kind(mistake: Any, model: type[BaseModel]) -> bool:
-    """Test whether a kind may be that of a user's module."""
-    field = _field(mistake["loc"], model)
-    return mistake["type"] == "union_tag_invalid" and family_of(field) is not None
+def _remedy(mistake: Any, model: type[BaseModel]) -> str:
+    """Return what to do if an unknown kind is that of a user's module."""
+    return "; a kind of your own needs --module" if unknown_kind(mistake, model) else ""
+
+
+def unknown_kind(mistake: Any, model: type[BaseModel] = Scene) -> str | None:
+    """Return the name of an unknown kind, which may be a user's; None for another mistake."""
+    kind, field = None, _field(mistake["loc"], model)
+    match mistake["type"]:
+        case "union_tag_invalid" if family_of(field) is not None:
+            kind = mistake["input"]["kind"]
+        case "literal_error" if names_of(field) is not None:
+            kind = mistake["input"]
+    return kind if isinstance(kind, str) else None
 
 
 def _hint(key: Sequence[str | int], location: Sequence[str | int], model: type[BaseModel]) -> str:
@@ -159,7 +168,8 @@ def _field(location: Sequence[str | int], model: type[BaseModel]) -> Any:
         models = sections(field)
         matching = [m for m in models if len(models) > 1 and kind_of(m) == part]
         # A part that is no key is a name in a mapping, whose values have the same model.
-        field = matching[0] if matching else models[0].model_fields.get(part, field)
+        known = models[0].model_fields if models else {}
+        field = matching[0] if matching else known.get(part, field)
     return field
 
 

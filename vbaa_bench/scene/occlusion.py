@@ -1,10 +1,9 @@
 """What hides the beam from the camera: the keys, and the bodies.
 
-A body is a name in `OcclusionSpec.kind` and an `Occluder` in `OCCLUDERS`.
+A body is an `Occluder` that is registered under its name in `OCCLUDERS`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from typing import Annotated, Final, Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from solver.instrument.transforms import rigid, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.mesh import Mesh
 from vbaa_bench.geometry.solids import box, prism, together
+from vbaa_bench.scene.families import Names
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.part import Fraction, Positive
 
@@ -109,11 +109,8 @@ class Leaves(Occluder):
         return together(leaves)
 
 
-OCCLUDERS: Final[Mapping[str, Occluder]] = {
-    "sheet": Opaque(),
-    "bars": Bars(),
-    "leaves": Leaves(),
-}
+OCCLUDERS: Final = Names[Occluder](REMOVED)
+OCCLUDERS.register(sheet=Opaque, bars=Bars, leaves=Leaves)
 
 
 class OcclusionSpec(PaintedPart):
@@ -125,9 +122,7 @@ class OcclusionSpec(PaintedPart):
     paper. The others are bodies between beam and camera.
     """
 
-    kind: Annotated[
-        tuple[Literal["removed", "sheet", "bars", "leaves"], ...], Field(min_length=1)
-    ] = Field(
+    kind: Annotated[tuple[Annotated[str, OCCLUDERS], ...], Field(min_length=1)] = Field(
         description="Bodies between beam and camera, or removed: nothing in the image, but "
         "the solver ignores the segment."
     )
@@ -157,12 +152,11 @@ class OcclusionSpec(PaintedPart):
     def _check_bodies(self) -> "OcclusionSpec":
         bodies = set(self.kind) - {REMOVED}
         if len(bodies) > 1:
-            raise ValueError(
-                f"kind is {list(self.kind)}, allowed is removed and one of {', '.join(OCCLUDERS)}"
-            )
+            allowed = ", ".join(OCCLUDERS.kinds)
+            raise ValueError(f"kind is {list(self.kind)}, allowed is removed and one of {allowed}")
         return self
 
     @property
     def occluder(self) -> Occluder | None:
         """The body in frames whose cover is not `removed`, or None."""
-        return next((OCCLUDERS[kind] for kind in self.kind if kind != REMOVED), None)
+        return next((OCCLUDERS[kind]() for kind in self.kind if kind != REMOVED), None)

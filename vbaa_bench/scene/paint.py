@@ -1,20 +1,17 @@
 """Paints of parts, what each decides, and grime.
 
-A paint is a name in `Paint` and a finish in `FINISHES`.
+A paint is a finish that is registered under its name in `FINISHES`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import Field
 
 from vbaa_bench.geometry.textures import Texture
+from vbaa_bench.scene.families import Names
 from vbaa_bench.scene.part import Fraction, Part, Positive
-
-# Matt; painted steel; steel without paint; matt black.
-Paint = Literal["matt", "gloss", "bare", "black"]
 
 # Below, the narrow reflection could not be sampled; above, the surface would lose light between
 # its own slopes.
@@ -103,12 +100,9 @@ def _factor(specular: dict[str, Any] | None) -> dict[str, Any]:
     return {} if specular is None else {"specular_reflectance": specular}
 
 
-FINISHES: Final[Mapping[Paint, Finish]] = {
-    "matt": _Matt(),
-    "gloss": _Gloss(),
-    "bare": _Bare(),
-    "black": _Black(),
-}
+FINISHES: Final = Names[Finish]()
+FINISHES.register(matt=_Matt, gloss=_Gloss, bare=_Bare, black=_Black)
+Paint = Annotated[str, FINISHES]
 
 
 class PaintedPart(Part):
@@ -131,7 +125,7 @@ class PaintedPart(Part):
     @property
     def finish(self) -> Finish:
         """How the paint reflects light."""
-        return FINISHES[self.paint]
+        return FINISHES[self.paint]()
 
     @property
     def mean_reflectance(self) -> float:

@@ -15,8 +15,8 @@ from typing import Any, Final
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.files import read_regular
 from solver.instrument.syntax import syntax_digest
-from vbaa_bench.scene.families import MODULES_IN_USE, kind_of, rebuild
-from vbaa_bench.scene.files import leaves
+from vbaa_bench.scene.families import MODULES_IN_USE, module_of, rebuild
+from vbaa_bench.scene.files import leaves, name_of
 from vbaa_bench.scene.schema import Scene
 
 
@@ -71,13 +71,11 @@ def modules_in_use() -> tuple[UserModule, ...]:
 def module_digests(tree: Any) -> dict[str, str]:
     """Compute the digests of the modules whose kinds a scene's values have or may draw, by name."""
     names = {
-        model.__module__
+        module_of(model, name_of(leaf.key), leaf.value)
         for leaf in leaves(tree, Scene)
-        if leaf.key[-1] == "kind"
         for model in leaf.models
-        if kind_of(model) == leaf.value
     }
-    return {name: _IN_USE[name].digest for name in sorted(names & _IN_USE.keys())}
+    return {name: _IN_USE[name].digest for name in sorted(_IN_USE.keys() & names)}
 
 
 def _used(name: str, source: bytes, path: str) -> UserModule:

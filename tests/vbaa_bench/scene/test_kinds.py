@@ -7,10 +7,7 @@ import pytest
 from pydantic import BaseModel
 
 from vbaa_bench.geometry.tip import TIPS
-from vbaa_bench.scene.background import GROUNDS, BackgroundSpec
 from vbaa_bench.scene.beam import SECTIONS, BeamSpec
-from vbaa_bench.scene.occlusion import OCCLUDERS, REMOVED, OcclusionSpec
-from vbaa_bench.scene.paint import FINISHES, PaintedPart
 
 
 def values(annotation: Any) -> Iterator[str]:
@@ -24,9 +21,6 @@ def values(annotation: Any) -> Iterator[str]:
 @pytest.mark.parametrize(
     ("model", "key", "kinds"),
     [
-        (PaintedPart, "paint", FINISHES),
-        (BackgroundSpec, "pattern", GROUNDS),
-        (OcclusionSpec, "kind", {REMOVED: None} | dict(OCCLUDERS)),
         (BeamSpec, "tip", TIPS),
         (BeamSpec, "section", SECTIONS),
     ],
