@@ -61,8 +61,8 @@ class CalibrationReport:
     findings: tuple[Finding, ...]
 
     @property
-    def meaning(self) -> str:
-        """Assessment with warnings and remedies, one in a line."""
+    def warnings(self) -> tuple[str, ...]:
+        """What impairs the estimates or contradicts rig.json, with remedies."""
         warnings = []
         if self.reprojection_px > MAX_REPROJECTION_PX:
             warnings.append("poor board fit: blurred views, bent board, or more lens distortion")
@@ -77,9 +77,13 @@ class CalibrationReport:
             warnings.append("beam too narrow in the image: move closer or use more pixels")
         if self.roughness_px is not None and self.roughness_px > MAX_ROUGHNESS_PX:
             warnings.append("rough beam or uneven light: errors of centres exceed the image noise")
-        warnings += [finding.message for finding in self.findings]
-        lines = (f"warning: {warning}" for warning in warnings)
-        return "\n".join(lines) if warnings else "good: no problem found"
+        return (*warnings, *(finding.message for finding in self.findings))
+
+    @property
+    def meaning(self) -> str:
+        """Assessment with warnings and remedies, one in a line."""
+        lines = (f"warning: {warning}" for warning in self.warnings)
+        return "\n".join(lines) if self.warnings else "good: no problem found"
 
     def json(self) -> str:
         """Format as one line of JSON."""

@@ -292,7 +292,7 @@ def check(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
 ) -> None:
-    """Report the quality of the calibration and of the rest images.
+    """Report the quality of the calibration and of the rest images; exit with 1 after a warning.
 
     Images of pushes in the folder images/ beside the rig are compared with it, too.
     """
@@ -306,6 +306,8 @@ def check(
     of_files = file_findings(opened, tables_beside(opened.root))
     report = calibration_report(set_up(opened), frames, len(opened.ground_images), of_files)
     print(report.json() if json else report.text())
+    if report.warnings:
+        raise typer.Exit(1)
 
 
 def _check_protocol(folder: Path, as_json: bool) -> None:

@@ -13,13 +13,14 @@ from solver.instrument.images import eight_bit
 Picture = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-# Colours in the order blue, green, red.
-MEASURED: Final = (80, 220, 80)
+# Colours in the order blue, green, red. They are those of the benchmark's report.
+MEASURED: Final = (20, 232, 255)
 REJECTED: Final = {
-    Flag.HIDDEN: (160, 160, 160),
-    Flag.SATURATED: (60, 220, 240),
-    Flag.FOREIGN: (220, 80, 220),
+    Flag.HIDDEN: (255, 107, 47),
+    Flag.SATURATED: (0, 74, 255),
+    Flag.FOREIGN: (240, 28, 240),
 }
+TIP: Final = (255, 245, 60)
 SHIFT: Final = 4  # OpenCV draws at sixteenths of a pixel
 
 
@@ -37,9 +38,9 @@ def place(point: Floats, factor: int) -> tuple[int, int]:
 
 
 def mark(picture: Any, line: Centreline, factor: int) -> None:
-    """Draw measured points as green dots, rejected ones in the colour of their reason.
+    """Draw measured points as yellow dots, rejected ones in the colour of their reason.
 
-    Rejected points are gray (hidden), yellow (saturated) or purple (foreign).
+    Rejected points are blue (hidden), orange (saturated) or purple (foreign).
     """
     _dots(picture, line.points, factor, MEASURED)
     for flag, colour in REJECTED.items():

@@ -14,12 +14,11 @@ from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS
 from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
-from solver.lab.drawing import SHIFT, Colour, Picture, enlarged, mark, place
+from solver.lab.drawing import SHIFT, TIP, Colour, Picture, enlarged, mark, place
 from solver.lab.live import FrameResult
 from solver.to_measurement import to_measurement
 from solver.tracker import FrameSolution
 
-TIP: Final = (240, 200, 60)
 CONTACT: Final = (60, 60, 255)
 FORCE: Final = (60, 150, 255)
 WIDTH = 1000  # smaller images are enlarged by a whole number to about this [px]
@@ -29,9 +28,10 @@ _FOURCC: Final = {".mp4": "mp4v", ".m4v": "mp4v", ".mov": "mp4v", ".avi": "MJPG"
 def draw(antenna: Antenna, given: FrameResult) -> Picture:
     """Draw measured points and estimates on the image; return a BGR picture (height, width, 3).
 
-    Points are marked as described in `drawing.py`; the tip is a blue ring, the estimated contact a
-    red one. The arrow is the object's force on the beam; its length increases with the force and
-    never exceeds a quarter of the height. Raises InputError if the shot has no image.
+    Points are marked as described in `drawing.py`; the tip is a light blue ring, the estimated
+    contact a red one. The arrow is the object's force on the beam; its length increases with the
+    force and never exceeds a quarter of the height. Raises InputError if the shot has no
+    image.
     """
     image = given.shot.grey()
     factor = max(1, round(WIDTH / image.shape[1]))

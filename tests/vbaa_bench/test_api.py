@@ -171,6 +171,15 @@ def test_a_scene_in_python_may_draw_values_for_every_push() -> None:
     check_possible(scene, lambda _done, _total: None, pytest.fail)
 
 
+@pytest.mark.parametrize("distances", [[120.0, 150.0], [{"uniform": [120, 150], "per": "push"}]])
+def test_the_check_of_pushes_shows_how_many_there_are(distances: object) -> None:
+    pushes = {"contact_distance_mm": distances, "deflection_pct": [5], "draws": 2}
+    shown: list[tuple[int, int]] = []
+    scene = vb.Scene(title="Pushes", seed=1, pushes=pushes)
+    check_possible(scene, lambda done, total: shown.append((done, total)), pytest.fail)
+    assert shown == [(done, shown[0][1]) for done in range(1, shown[0][1] + 1)]
+
+
 def test_named_methods_are_run_and_scored_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,14 +11,13 @@ from vbaa_bench.assembly.impossible import (
     board_out_of_view,
     check_files,
 )
-from vbaa_bench.assembly.pushes import Pushes, PushSolver, impossible_targets, solve
+from vbaa_bench.assembly.pushes import Progress, Pushes, PushSolver, impossible_targets, solve
 from vbaa_bench.scene.files import SceneFileError
 from vbaa_bench.scene.frames import Frames, FrameSpec, in_order
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.random_scene import RejectedDrawError, accepted
 from vbaa_bench.scene.rigs import TrueRig, true_rig
 
-Progress = Callable[[int, int], None]
 # Pushes that are solved before the first image. Chosen: takes seconds, and includes every push of
 # most grids. Of random pushes, the share that is impossible is then known to 6 %.
 CHECKED_PUSHES: Final = 64
@@ -42,7 +41,12 @@ class Plan:
         return len(self.frame_specs)
 
 
-def plan(file: SceneFile, *, pushes: Collection[int] | None = None) -> Plan:
+def plan(
+    file: SceneFile,
+    *,
+    pushes: Collection[int] | None = None,
+    progress: Progress = lambda _done, _total: None,
+) -> Plan:
     """Solve every push of a scene. Raises InputError that lists all physical impossibilities.
 
     With `pushes`, only those with these numbers are solved and planned. A push with random values
@@ -60,7 +64,7 @@ def plan(file: SceneFile, *, pushes: Collection[int] | None = None) -> Plan:
         mistakes = rig_mistakes(file) + impossible_targets(file, rig)
         if not mistakes:
             extremes = Extremes(file, rig)
-            mistakes = solve(file, specs, extremes, solver) + extremes.mistakes()
+            mistakes = solve(file, specs, extremes, solver, progress) + extremes.mistakes()
         if mistakes:
             raise InputError("\n".join(dict.fromkeys(mistakes)))
     return Plan(rig, tuple(in_order(specs)))
@@ -79,7 +83,7 @@ def check_possible(file: SceneFile, progress: Progress, remark: Callable[[str], 
     count = min(frames.distinct_pushes, CHECKED_PUSHES)
     numbers = [i * frames.distinct_pushes // count for i in range(count)]
     if file.scene.pushes is not None and not file.scene.random_keys:
-        plan(file, pushes=numbers)
+        plan(file, pushes=numbers, progress=progress)
         return
     if mistakes := rig_mistakes(file):
         raise InputError("\n".join(dict.fromkeys(mistakes)))

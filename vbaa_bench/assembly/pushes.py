@@ -1,7 +1,7 @@
 """Pushes of a scene: draw, solve and check them."""
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,6 +24,8 @@ from vbaa_bench.scene.random_scene import RejectedDrawError, accepted
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
+# Called with what is done and the total.
+Progress = Callable[[int, int], None]
 # Number of pushes whose states are cached. Chosen: those of a round of most grids, in 12 MB.
 CACHED_PUSHES: Final = 64
 SolvedPush = tuple[Experiment, list[State]]
@@ -129,10 +131,12 @@ def solve(
     specs: Iterable[FrameSpec],
     extremes: Extremes,
     solver: PushSolver,
+    progress: Progress = lambda _done, _total: None,
 ) -> list[str]:
     """Solve the pushes of some frames, add their states to `extremes`, and list what is impossible.
 
-    Pushes that are equal except for their onset are solved once.
+    Pushes that are equal except for their onset are solved once. `progress(done, total)` is called
+    after each.
     """
     onsets: dict[Push, set[float]] = {}
     firsts: dict[Push, FrameSpec] = {}
@@ -140,7 +144,7 @@ def solve(
         onsets.setdefault(spec.push, set()).add(spec.onset)
         firsts.setdefault(spec.push, spec)
     mistakes = []
-    for push, spec in firsts.items():
+    for done, (push, spec) in enumerate(firsts.items(), start=1):
         try:
             extremes.add(*solver.solved(spec), onsets[push])
         except EquilibriumError as error:
@@ -149,6 +153,7 @@ def solve(
             raise
         except InputError as error:
             mistakes.append(file.message_at(("object",), f"is not possible: {error}"))
+        progress(done, len(firsts))
     return mistakes
 
 

@@ -21,6 +21,7 @@ from vbaa_bench.scene.files import NamedFile, named_files
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.mistakes import (
     CLEARER,
+    SETTINGS,
     distribution_mistakes,
     listed_mistakes,
     located_message,
@@ -220,20 +221,24 @@ def _set(document: CommentedMap, setting: str) -> None:
     if not equals or not last:
         raise InputError(f"--set is {quoted(setting)}, allowed is KEY=VALUE")
     node: Any = document
-    for part in sections:
+    path: list[str | int] = []
+    for part in (*sections, last):
+        if path:
+            node = _within(node, path[-1])
         if isinstance(node, CommentedSeq) and part.isdigit() and int(part) < len(node):
-            node = node[int(part)]
+            path.append(int(part))
         elif isinstance(node, CommentedMap):
-            node = node.setdefault(part, CommentedMap())
+            path.append(part)
         else:
             raise InputError(f"--set is {quoted(setting)}, but {part} is in no section")
-    value = _document(Path("--set"), text)
-    if isinstance(node, CommentedSeq) and last.isdigit() and int(last) < len(node):
-        node[int(last)] = value
-    elif isinstance(node, CommentedMap):
-        node[last] = value
-    else:
-        raise InputError(f"--set is {quoted(setting)}, but {last} is in no section")
+    node[path[-1]] = _document(Path("--set"), text)
+    stated = {**getattr(document, SETTINGS, {}), tuple(path): setting}
+    setattr(document, SETTINGS, stated)
+
+
+def _within(node: Any, part: str | int) -> Any:
+    """Return a part of a document, which is added where it is missing."""
+    return node.setdefault(part, CommentedMap()) if isinstance(node, CommentedMap) else node[part]
 
 
 def check_scene(keys: Mapping[str, Any]) -> SceneFile:

@@ -18,6 +18,8 @@ MAX_MISTAKES: Final = 20
 # Keys with a clearer name in files: section -> that name -> the one in the records of datasets.
 # A file may state either.
 CLEARER: Final = {"pushes": {"draws": "repeats"}}
+# Attribute of a document: the settings that replaced its values, by their keys.
+SETTINGS: Final = "vbaa_settings"
 # What pydantic's types of Python are in YAML, by its kind of error.
 _IN_YAML: Final = {
     "bool_parsing": "true or false",
@@ -174,7 +176,10 @@ def _field(location: Sequence[str | int], model: type[BaseModel]) -> Any:
 
 
 def located_message(path: Path, document: Any, key: Sequence[str | int], sentence: str) -> str:
-    """Return `file:line:column: key: sentence` for a key, or for the nearest key above it."""
+    """Return `file:line:column: key: sentence` for a key, or for the nearest key above it.
+
+    For a value in place of the file's, its setting is in place of `file:line:column`.
+    """
     line, column = 0, 0
     node = document
     for part in key:
@@ -190,6 +195,10 @@ def located_message(path: Path, document: Any, key: Sequence[str | int], sentenc
             break
     name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
     label = f"{truncated(name.lstrip('.'))} " if name else ""
+    settings = getattr(document, SETTINGS, {})
+    above = (tuple(key[:length]) for length in range(len(key), 0, -1))
+    if setting := next((settings[part] for part in above if part in settings), None):
+        return f"setting {setting}: {label}{sentence}"
     # A scene that is built in Python has no lines.
     place = f":{line + 1}:{column + 1}" if document.lc.line is not None else ""
     return f"{path}{place}: {label}{sentence}"

@@ -372,6 +372,15 @@ def test_a_check_says_how_good_the_calibration_is(command: CommandLine, root: Pa
     assert found["meaning"].startswith("good")
 
 
+def test_a_check_with_a_warning_exits_with_1(command: CommandLine, root: Path) -> None:
+    shutil.copytree(root, "lab", ignore=shutil.ignore_patterns(HASHES))
+    Path("lab/rest/ruhe.png").write_bytes(b"")
+    for as_json in ([], ["--json"]):
+        ended = command("check", "--rig", "lab/rig.json", *as_json)
+        assert (ended.status, ended.err) == (1, "")
+        assert "warning: not used: rest/ruhe.png" in ended.out
+
+
 INTERRUPTED = """
 from solver.methods import METHODS
 

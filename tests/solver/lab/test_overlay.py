@@ -14,9 +14,9 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
-from solver.lab.drawing import MEASURED, REJECTED
+from solver.lab.drawing import MEASURED, REJECTED, TIP
 from solver.lab.live import FrameResult, solve_shots
-from solver.lab.overlay import CONTACT, FORCE, TIP, OverlayWriter, draw
+from solver.lab.overlay import CONTACT, FORCE, OverlayWriter, draw
 from solver.lab.shots import Files
 from solver.lab.table import row
 from solver.methods import METHODS

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.centreline import Flag
+from solver.lab import drawing
 from solver.methods import METHODS
 from vbaa_bench.report import palette
 
@@ -61,3 +62,10 @@ def test_a_colour_does_not_depend_on_the_other_methods() -> None:
 
 def test_colours_of_images_are_those_of_the_page() -> None:
     assert palette.bgr("#0102ff") == (255, 2, 1)
+
+
+def test_the_overlays_of_the_antenna_have_the_colours_of_the_report() -> None:
+    assert palette.bgr(palette.POINTS) == drawing.MEASURED
+    assert palette.bgr(palette.TIP) == drawing.TIP
+    for flag, colour in drawing.REJECTED.items():
+        assert palette.bgr(palette.FLAGS[flag.name.lower()]) == colour

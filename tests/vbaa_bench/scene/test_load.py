@@ -1,5 +1,6 @@
 import ast
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -321,6 +322,20 @@ def test_draws_is_another_name_of_repeats(tmp_path: Path) -> None:
 def test_what_is_allowed_is_said_in_the_words_of_yaml(setting: str, allowed: str) -> None:
     with pytest.raises(InputError, match=f"allowed is {allowed}$"):
         load_scene("quickstart", settings=[setting])
+
+
+@pytest.mark.parametrize(
+    ("setting", "sentence"),
+    [
+        ("camera.width_px=3", "camera.width_px is 3, allowed is greater than or equal to 32"),
+        ("camera.widt_px=300", "camera.widt_px is an unknown key; did you mean width_px?"),
+        ("lights.0.kind=rign", "lights[0].kind is 'rign', allowed is one of"),
+        ("beam.length_mm={unifrm: [3, 5]}", "beam.length_mm is {'unifrm': (3, 5)}"),
+    ],
+)
+def test_a_mistake_in_a_setting_is_not_that_of_the_file(setting: str, sentence: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(f'setting {setting}: {sentence}')}"):
+        load_scene("lighting/ring", settings=["seed=5", setting])
 
 
 def test_keys_that_are_drawn_once_for_all_frames_are_named(
