@@ -49,6 +49,8 @@ html_math_renderer = "mathml"
 _MATH_FONTS = "Latin Modern Math, STIX Two Math, Cambria Math, DejaVu Math TeX Gyre, math"
 html_theme = "furo"
 html_title = f"VBAA-Bench {release}"
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 html_copy_source = False
 html_show_sourcelink = False
 
