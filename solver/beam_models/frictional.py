@@ -1,12 +1,11 @@
 """Exact beam under a force inclined against its normal by friction: closed form.
 
-`grip`, the friction ratio, is the force's component along the beam over that across it, positive
-towards the tip; the force is inclined by -atan(grip). With u the distance back from the force's
-line, along an axis across the force, the curvature is Q u, Q = F / EI, as without friction. The
-angle psi of the beam to that axis and the distance P from it, and the arc length S, are (Love 1927,
-section 263)
+The friction ratio m is the force's component along the beam over that across it, positive towards
+the tip; the force is inclined by -atan(m). With u the distance back from the force's line, along an
+axis across the force, the curvature is Q u, Q = F / EI, as without friction. The angle psi of the
+beam to that axis and the distance P from it, and the arc length S, are (Love 1927, section 263)
 
-    sin(psi) = a + Q u^2 / 2,  a = -grip / sqrt(1 + grip^2),  P' = tan(psi),  S' = 1 / cos(psi),
+    sin(psi) = a + Q u^2 / 2,  a = -m / sqrt(1 + m^2),  P' = tan(psi),  S' = 1 / cos(psi),
 
 and in Carlson's symmetric elliptic integrals, which stay regular as the force vanishes (Carlson
 1988; DLMF 19.29), with t = Q u^2 / 2 and c^2 = 1 - a^2,
@@ -14,9 +13,9 @@ and in Carlson's symmetric elliptic integrals, which stay regular as the force v
     S = u / c R_F(1 - t / (1 - a), 1 + t / (1 + a), 1),
     P = a S + u t / (3 c) R_D(1 - t / (1 - a), 1 + t / (1 + a), 1).
 
-A shape has the parameters (q, lever, grip): q = c Q is the force across the beam over EI [1/m^2],
-which a grip changes least, and lever is the lever arm of the force about the clamp [m]. Without
-friction this is the beam of `exact`.
+A shape has the parameters (q, lever, friction ratio): q = c Q is the force across the beam over EI
+[1/m^2], which a friction ratio changes least, and lever is the lever arm of the force about the
+clamp [m]. Without friction this is the beam of `exact`.
 """
 
 from dataclasses import dataclass
@@ -35,7 +34,7 @@ _GENTLE: Final = 1e-5
 
 @dataclass(frozen=True)
 class Contact:
-    """Contacts of shapes, each quantity with its gradient (3, ...) by (q, lever, grip).
+    """Contacts of shapes, each quantity with its gradient (3, ...) by (q, lever, friction ratio).
 
     `load` is F / EI [1/m^2]; `theta_c` is the tangent's angle [rad], `lean` the angle from the
     normal to the force, back to the clamp [rad]; `x_c`, `y_c`, `s_c` are in [m].
@@ -57,7 +56,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class _Curve:
-    """P and S at distances u, tan(psi), 1 / cos(psi), the gradients (2, n) by (q, grip)."""
+    """P and S at distances u, tan(psi), 1 / cos(psi), gradients (2, n) by (q, friction ratio)."""
 
     p: Floats
     s: Floats
@@ -67,33 +66,35 @@ class _Curve:
     d_s: Floats
 
 
-def exists(q: Real, lever: Real, grip: Real) -> bool:
+def exists(q: Real, lever: Real, friction_ratio: Real) -> bool:
     """Test whether beams can have these shapes: pushed, and turned by less than a right angle."""
-    sine = _sine(lever, q, grip)
+    sine = _sine(lever, q, friction_ratio)
     return bool(np.all(np.greater_equal(q, 0) & np.greater(lever, 0) & (sine < MOST_SINE)))
 
 
-def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Contact:
+def contact(q: Real, lever: Real, friction_ratio: Real = 0.0, radius: float = 0.0) -> Contact:
     """Compute position and angle of the contacts of shapes, on a beam of this radius [m].
 
     Friction acts on the beam's surface: the force's line crosses the centreline by radius times
-    grip beyond the contact.
+    friction ratio beyond the contact.
     """
-    q, lever, grip = (np.asarray(value, dtype=float) for value in (q, lever, grip))
+    q, lever, friction_ratio = (
+        np.asarray(value, dtype=float) for value in (q, lever, friction_ratio)
+    )
     zero, one = np.zeros_like(lever), np.ones_like(lever)
-    by_lever, by_grip = np.array([zero, one, zero]), np.array([zero, zero, one])
-    sine, cosine, d_across = _axis(q, lever, grip)
-    curve = _curve(lever, q, grip)
+    by_lever, by_friction_ratio = np.array([zero, one, zero]), np.array([zero, zero, one])
+    sine, cosine, d_across = _axis(q, lever, friction_ratio)
+    curve = _curve(lever, q, friction_ratio)
     p, d_p = curve.p, np.array([curve.d_p[0], curve.tangent, curve.d_p[1]])
     d_s = np.array([curve.d_s[0], curve.secant, curve.d_s[1]])
     x, y = lever * cosine + p * sine, lever * sine - p * cosine
     d_x = cosine * by_lever + sine * d_p - y * d_across
     d_y = sine * by_lever - cosine * d_p + x * d_across
-    lean, d_lean = -np.arctan(grip), -by_grip / (1 + grip**2)
+    lean, d_lean = -np.arctan(friction_ratio), -by_friction_ratio / (1 + friction_ratio**2)
     theta_c, d_theta = np.arcsin(sine) - lean, d_across - d_lean
-    shortening, d_shortening = radius * grip, radius * by_grip
+    shortening, d_shortening = radius * friction_ratio, radius * by_friction_ratio
     theta_sine, theta_cosine = np.sin(theta_c), np.cos(theta_c)
-    root = np.hypot(1, grip)
+    root = np.hypot(1, friction_ratio)
     return Contact(
         load=q * root,
         theta_c=theta_c,
@@ -101,7 +102,7 @@ def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Cont
         x_c=x - shortening * theta_cosine,
         y_c=y - shortening * theta_sine,
         s_c=curve.s - shortening,
-        d_load=np.array([root, zero, q * grip / root]),
+        d_load=np.array([root, zero, q * friction_ratio / root]),
         d_theta_c=d_theta,
         d_lean=d_lean,
         d_x_c=d_x - theta_cosine * d_shortening + shortening * theta_sine * d_theta,
@@ -111,20 +112,20 @@ def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Cont
 
 
 def misfit(
-    x: Floats, y: Floats, q: float, lever: float, grip: float = 0.0
+    x: Floats, y: Floats, q: float, lever: float, friction_ratio: float = 0.0
 ) -> tuple[Floats, Floats, Floats]:
     """Compute signed misfits (n,) [m] of points, gradients (n, 2) by (x, y), (n, 3) by the shape.
 
     The misfit is measured along the force, without root finding. A point farther behind the clamp
     than the curve's end is measured from that end.
     """
-    sine, cosine, d_across = _axis(q, lever, grip)
-    base = _curve(lever, q, grip)
+    sine, cosine, d_across = _axis(q, lever, friction_ratio)
+    base = _curve(lever, q, friction_ratio)
     along, across = x * cosine + y * sine, y * cosine - x * sine
-    u = np.minimum(lever - along, farthest(q, grip))
+    u = np.minimum(lever - along, farthest(q, friction_ratio))
     clipped = np.maximum(u, 0.0)
-    curve = _curve(clipped, q, grip)
-    value = base.p + across - curve.p + grip * (u - clipped)
+    curve = _curve(clipped, q, friction_ratio)
+    value = base.p + across - curve.p + friction_ratio * (u - clipped)
     by_point = np.column_stack([curve.tangent * cosine - sine, cosine + curve.tangent * sine])
     by_angle = curve.tangent * across - along
     by_shape = np.column_stack(
@@ -137,33 +138,35 @@ def misfit(
     return value, by_point, by_shape
 
 
-def farthest(q: Real, grip: Real) -> Floats:
+def farthest(q: Real, friction_ratio: Real) -> Floats:
     """Compute the distance back from the force's line [m] of a turn by almost a right angle."""
-    root = np.hypot(1, grip)
-    return np.asarray(np.sqrt(2 * (MOST_SINE + grip / root) / np.maximum(q * root, 1e-300)))
+    root = np.hypot(1, friction_ratio)
+    return np.asarray(
+        np.sqrt(2 * (MOST_SINE + friction_ratio / root) / np.maximum(q * root, 1e-300))
+    )
 
 
-def _sine(u: Real, q: Real, grip: Real) -> Floats:
+def _sine(u: Real, q: Real, friction_ratio: Real) -> Floats:
     """Compute sin(psi) at distances u >= 0 [m] back from the force's line; all broadcast."""
-    root = np.hypot(1, grip)
-    return np.asarray(q * root * np.square(u) / 2 - grip / root)
+    root = np.hypot(1, friction_ratio)
+    return np.asarray(q * root * np.square(u) / 2 - friction_ratio / root)
 
 
-def _axis(q: Real, lever: Real, grip: Real) -> tuple[Floats, Floats, Floats]:
+def _axis(q: Real, lever: Real, friction_ratio: Real) -> tuple[Floats, Floats, Floats]:
     """Compute sine, cosine and gradient (3, ...) of the angle of the axis across the force."""
-    root = np.hypot(1, grip)
-    sine = _sine(lever, q, grip)
+    root = np.hypot(1, friction_ratio)
+    sine = _sine(lever, q, friction_ratio)
     cosine = np.sqrt(1 - sine**2)
     by_load = np.square(lever) / 2
     by_q, by_lever = root * by_load, q * root * np.asarray(lever)
-    by_grip = q * grip / root * by_load - 1 / root**3
-    return sine, cosine, np.array([by_q / cosine, by_lever / cosine, by_grip / cosine])
+    by_friction_ratio = q * friction_ratio / root * by_load - 1 / root**3
+    return sine, cosine, np.array([by_q / cosine, by_lever / cosine, by_friction_ratio / cosine])
 
 
-def _curve(u: Real, q: Real, grip: Real) -> _Curve:
+def _curve(u: Real, q: Real, friction_ratio: Real) -> _Curve:
     """Compute the curve at distances u >= 0 [m] back from the force's line; all broadcast."""
-    root = np.hypot(1, grip)
-    c, a, load = 1 / root, -grip / root, q * root
+    root = np.hypot(1, friction_ratio)
+    c, a, load = 1 / root, -friction_ratio / root, q * root
     turn = np.asarray(load * np.square(u) / 2)
     sine = a + turn
     secant = 1 / np.sqrt(1 - sine**2)
@@ -184,6 +187,6 @@ def _curve(u: Real, q: Real, grip: Real) -> _Curve:
         s=s,
         tangent=sine * secant,
         secant=secant,
-        d_p=np.array([root * d_p_load, q * grip / root * d_p_load - d_p_a / root**3]),
-        d_s=np.array([root * d_s_load, q * grip / root * d_s_load - d_s_a / root**3]),
+        d_p=np.array([root * d_p_load, q * friction_ratio / root * d_p_load - d_p_a / root**3]),
+        d_s=np.array([root * d_s_load, q * friction_ratio / root * d_s_load - d_s_a / root**3]),
     )

@@ -9,15 +9,15 @@ With sigma the arc length from the contact back to the clamp,
 
 Q = F / EI at the clamp; w(s) is the width over that at the clamp, so that EI is proportional to its
 fourth power, and b(s) is the curvature at rest (Antman 2005, ch. IV). At the contact psi is
--atan(grip) and the force's line is sin(atan(grip)) times the radius there away: friction acts on
-the surface. Where the beam is uniform and straight this is the beam of `frictional`, and without
-friction that of `exact`.
+-atan(friction ratio) and the force's line is sin(atan(friction ratio)) times the radius there away:
+friction acts on the surface. Where the beam is uniform and straight this is the beam of
+`frictional`, and without friction that of `exact`.
 
 All lengths are in units of the beam's length. The width is 1 + s (c_0 + c_1 P_1(2 s - 1) + ...)
 with Legendre's polynomials P_k: c_0 alone is a cone, whose tip has the width 1 + c_0. The line at
 rest is b_0 s^2 + b_1 s^3 + ..., whose second derivative is the curvature at rest. A shape has the
-parameters (q, s_c, grip, c_0, c_1, ..., b_0, b_1, ...): q is the force across the beam over EI, as
-in `frictional`.
+parameters (q, s_c, friction ratio, c_0, c_1, ..., b_0, b_1, ...): q is the force across the beam
+over EI, as in `frictional`.
 """
 
 from typing import Any, Final
@@ -26,7 +26,7 @@ import numpy as np
 
 from solver.beam_models.curve import END, Curve, U
 from solver.beam_models.rod_stretch import (
-    GRIP,
+    FRICTION_RATIO,
     INNER,
     S_C,
     WIDTHS,
@@ -38,7 +38,7 @@ from solver.beam_models.rod_stretch import (
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-__all__ = ["FREE_STEPS", "GRIP", "STEPS", "S_C", "WIDTHS", "Q", "contact_of", "curve_of"]
+__all__ = ["FREE_STEPS", "FRICTION_RATIO", "STEPS", "S_C", "WIDTHS", "Q", "contact_of", "curve_of"]
 
 # Steps from the contact to the clamp. Measured: for a tip of 0.6 of the clamp's width, bent by
 # 40 degrees, the error of the contact is 2e-7; for a uniform beam it is 4e-8. This is no literal,
@@ -51,7 +51,8 @@ FREE_STEPS: Final = 6
 def curve_of(p: Floats, widths: int, radius: float, steps: Any) -> Curve:
     """Integrate the shape with parameters p (k,), of a beam with this radius at the clamp.
 
-    The first `widths` parameters after the grip are those of the width, the others of the bow.
+    The first `widths` parameters after the friction ratio are those of the width, the others of the
+    bow.
     """
     k, bow = len(p), WIDTHS + widths
     free_steps = FREE_STEPS if k > bow else 1
@@ -79,9 +80,9 @@ def contact_of(curve: Curve, p: Floats) -> tuple[Floats, Floats]:
     """
     k = len(p)
     values, gradients = np.empty(6), np.zeros((6, k))
-    square = 1 + p[GRIP] * p[GRIP]
+    square = 1 + p[FRICTION_RATIO] * p[FRICTION_RATIO]
     root = np.sqrt(square)
-    lean = -np.arctan(p[GRIP])
+    lean = -np.arctan(p[FRICTION_RATIO])
     lever, height, angle = curve.base
     cosine, sine = np.cos(angle), np.sin(angle)
     along = lever - curve.nodes[U, curve.contact]
@@ -89,8 +90,8 @@ def contact_of(curve: Curve, p: Floats) -> tuple[Floats, Floats]:
     y_c = along * sine - height * cosine
     values[0], values[1], values[2] = p[Q] * root, angle - lean, x_c
     values[3], values[4], values[5] = y_c, p[S_C], lean
-    gradients[0, Q], gradients[0, GRIP] = root, p[Q] * p[GRIP] / root
-    gradients[4, S_C], gradients[5, GRIP] = 1.0, -1 / square
+    gradients[0, Q], gradients[0, FRICTION_RATIO] = root, p[Q] * p[FRICTION_RATIO] / root
+    gradients[4, S_C], gradients[5, FRICTION_RATIO] = 1.0, -1 / square
     for i in range(k):
         by_along = curve.by_base[i, 0] - curve.by_arm[i]
         by_height, by_angle = curve.by_base[i, 1], curve.by_base[i, 2]

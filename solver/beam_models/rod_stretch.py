@@ -15,7 +15,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
 # Parameters of a shape before the widths.
-Q, S_C, GRIP, WIDTHS = range(4)
+Q, S_C, FRICTION_RATIO, WIDTHS = range(4)
 # Smallest width that a trial may have. Chosen.
 LEAST_WIDTH: Final = 0.05
 # Entries of an inner force: F / EI, u, P, alpha.
@@ -92,19 +92,19 @@ def write_contact(p: Floats, bow: int, bow_end: int, radius: float, y: Floats, b
     Friction acts on the surface, on the side from which the force comes.
     """
     y[:], by[:] = 0.0, 0.0
-    inside = 0 < p[S_C] < END and abs(p[GRIP]) < np.tan(MOST_ANGLE)
+    inside = 0 < p[S_C] < END and abs(p[FRICTION_RATIO]) < np.tan(MOST_ANGLE)
     if not inside or least_width(p[WIDTHS:bow]) < LEAST_WIDTH:
         return False
     terms = np.zeros(bow_end - WIDTHS)
     width, slope = width_at(p[S_C], p[WIDTHS:bow], terms)
-    square = 1 + p[GRIP] * p[GRIP]
+    square = 1 + p[FRICTION_RATIO] * p[FRICTION_RATIO]
     sided = radius if p[Q] >= 0 else -radius
-    sine = p[GRIP] / np.sqrt(square)
-    y[0], y[2] = sided * width * sine, -np.arctan(p[GRIP])
-    by[S_C, 0], by[GRIP, 0] = sided * slope * sine, sided * width / square**1.5
+    sine = p[FRICTION_RATIO] / np.sqrt(square)
+    y[0], y[2] = sided * width * sine, -np.arctan(p[FRICTION_RATIO])
+    by[S_C, 0], by[FRICTION_RATIO, 0] = sided * slope * sine, sided * width / square**1.5
     for i in range(WIDTHS, bow):
         by[i, 0] = sided * terms[i - WIDTHS] * sine
-    by[GRIP, 2] = -1 / square
+    by[FRICTION_RATIO, 2] = -1 / square
     return True
 
 
@@ -116,14 +116,14 @@ def moment_at(
 
     `inner` (4,) and `by_inner` (k, 4) are the inner force, which acts with two `loads`.
     """
-    root = np.sqrt(1 + p[GRIP] * p[GRIP])
+    root = np.sqrt(1 + p[FRICTION_RATIO] * p[FRICTION_RATIO])
     load = p[Q] * root if loads > 0 else 0.0
     moment: float = load * y[0]
     for i in range(len(p)):
         by_moment[i] = load * by[i, 0]
     if loads > 0:
         by_moment[Q] += root * y[0]
-        by_moment[GRIP] += p[Q] * p[GRIP] / root * y[0]
+        by_moment[FRICTION_RATIO] += p[Q] * p[FRICTION_RATIO] / root * y[0]
     if loads > 1:
         cosine, sine = np.cos(inner[ALPHA]), np.sin(inner[ALPHA])
         along, height = y[0] - inner[LINE_U], y[1] - inner[LINE_P]

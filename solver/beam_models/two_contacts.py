@@ -10,7 +10,7 @@ that with the inner force's lever arm h
 of `rod`; where their sum vanishes nothing is singular.
 
 All lengths are in units of the beam's length. A shape has the parameters of `rod`, those of the
-outer contact, and then (q_i, s_i, grip_i) of the inner one. This module is compiled.
+outer contact, and then (q_i, s_i, ratio_i) of the inner one. This module is compiled.
 """
 
 from typing import Any, Final, NamedTuple
@@ -21,7 +21,7 @@ from solver.beam_models.curve import END, MOST_ANGLE, Curve
 from solver.beam_models.rod import FREE_STEPS
 from solver.beam_models.rod_stretch import (
     ALPHA,
-    GRIP,
+    FRICTION_RATIO,
     INNER,
     LINE_P,
     LINE_U,
@@ -39,7 +39,7 @@ from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 
 # Parameters of the inner contact, counted from the shape's end.
-Q_INNER, S_INNER, GRIP_INNER = -3, -2, -1
+Q_INNER, S_INNER, FRICTION_RATIO_INNER = -3, -2, -1
 INNER_PARAMETERS: Final = 3
 # Steps on either side of the inner contact. Measured: the error of a contact's place is 1e-8 for a
 # uniform beam bent by 40 degrees. As in `rod`, neither a literal nor a default value.
@@ -70,24 +70,30 @@ def _inner_force(
 
     Its line passes the centreline at a distance, as friction acts on the surface.
     """
-    k, grip = len(p), p[GRIP_INNER]
-    square = 1 + grip * grip
+    k, friction_ratio = len(p), p[FRICTION_RATIO_INNER]
+    square = 1 + friction_ratio * friction_ratio
     root = np.sqrt(square)
-    sine = grip / root
+    sine = friction_ratio / root
     terms = np.zeros(k - INNER_PARAMETERS - WIDTHS)
     width, slope = width_at(p[S_INNER], p[WIDTHS:bow], terms)
     sided = radius if p[Q_INNER] >= 0 else -radius
     arm, by_arm = sided * width * sine, np.zeros(k)
-    by_arm[S_INNER], by_arm[GRIP_INNER] = sided * slope * sine, sided * width / square**1.5
+    by_arm[S_INNER], by_arm[FRICTION_RATIO_INNER] = (
+        sided * slope * sine,
+        sided * width / square**1.5,
+    )
     for i in range(WIDTHS, bow):
         by_arm[i] = sided * sine * terms[i - WIDTHS]
-    alpha = y[2] + np.arctan(grip)
+    alpha = y[2] + np.arctan(friction_ratio)
     cosine, across = np.cos(alpha), np.sin(alpha)
     force[LOAD], force[ALPHA] = p[Q_INNER] * root, alpha
     force[LINE_U], force[LINE_P] = y[0] - arm * cosine, y[1] - arm * across
     copy_into(by_force[:, ALPHA], by[:, 2])
-    by_force[GRIP_INNER, ALPHA] += 1 / square
-    by_force[Q_INNER, LOAD], by_force[GRIP_INNER, LOAD] = root, p[Q_INNER] * grip / root
+    by_force[FRICTION_RATIO_INNER, ALPHA] += 1 / square
+    by_force[Q_INNER, LOAD], by_force[FRICTION_RATIO_INNER, LOAD] = (
+        root,
+        p[Q_INNER] * friction_ratio / root,
+    )
     for i in range(k):
         turn = by_force[i, ALPHA]
         by_force[i, LINE_U] = by[i, 0] - by_arm[i] * cosine + arm * across * turn
@@ -109,7 +115,7 @@ def two_contacts_of(p: Floats, widths: int, radius: float, steps: Any) -> TwoCon
     y, by, by_arm = np.zeros(3), np.zeros((k, 3)), np.zeros(k)
     inner, by_inner = np.zeros(3), np.zeros((k, 3))
     force, by_force = np.zeros(INNER), np.zeros((k, INNER))
-    exists = 0 < p[S_INNER] < p[S_C] and abs(p[GRIP_INNER]) < np.tan(MOST_ANGLE)
+    exists = 0 < p[S_INNER] < p[S_C] and abs(p[FRICTION_RATIO_INNER]) < np.tan(MOST_ANGLE)
     for stretch in (
         Stretch(S_C, -1, END, 0, free_steps, free_steps, -1),
         Stretch(S_C, s_inner, 0.0, 1, steps, free_steps + 1, 1),
@@ -143,12 +149,12 @@ def contacts_of(shape: TwoContacts, p: Floats) -> tuple[Floats, Floats]:
     base, by_base = shape.curve.base, shape.curve.by_base
     cosine, sine = np.cos(base[2]), np.sin(base[2])
     outer, by_outer = np.zeros(3), np.zeros((k, 3))
-    outer[0], outer[2] = shape.curve.nodes[0, shape.curve.contact], -np.arctan(p[GRIP])
+    outer[0], outer[2] = shape.curve.nodes[0, shape.curve.contact], -np.arctan(p[FRICTION_RATIO])
     copy_into(by_outer[:, 0], shape.curve.by_arm)
-    by_outer[GRIP, 2] = -1 / (1 + p[GRIP] ** 2)
+    by_outer[FRICTION_RATIO, 2] = -1 / (1 + p[FRICTION_RATIO] ** 2)
     for j, load, arc, rub, place, by_place in (
-        (0, k + Q_INNER, k + S_INNER, k + GRIP_INNER, shape.inner, shape.by_inner),
-        (1, Q, S_C, GRIP, outer, by_outer),
+        (0, k + Q_INNER, k + S_INNER, k + FRICTION_RATIO_INNER, shape.inner, shape.by_inner),
+        (1, Q, S_C, FRICTION_RATIO, outer, by_outer),
     ):
         square = 1 + p[rub] ** 2
         root = np.sqrt(square)

@@ -1,10 +1,10 @@
-"""Fit of a beam from which a weight hangs: the direction of its force is known, not its grip.
+"""Fit of a beam with a hung weight: the direction of its force is known, not its friction ratio.
 
 An object's force is inclined against the beam's normal by unknown friction; a weight's is inclined
-by the beam's own slope. So the parameter `grip` of the shape is replaced by the error of gravity's
-direction, which has a prior, and the grip follows from
+by the beam's own slope. So the parameter `friction_ratio` of the shape is replaced by the error of
+gravity's direction, which has a prior, and the friction ratio follows from
 
-    psi_0(q, s_c, grip, ...) + tilt + softness M_0 = direction + error,
+    psi_0(q, s_c, friction ratio, ...) + tilt + softness M_0 = direction + error,
 
 where psi_0 is the angle of the axis across the force to the beam at its clamp, which is turned by
 the tilt and by its moment M_0, and `direction` that of the same axis in the frame of the beam at
@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.curve import MOST_ANGLE
-from solver.beam_models.rod import GRIP, S_C, STEPS, Q, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, Q, curve_of
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
@@ -30,15 +30,16 @@ from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import turn_about_z
 
-# Newton's method for the grip: largest error of the direction [rad], largest change of the force's
-# angle in a step [rad], and most steps. Chosen: rounding is 1e-15, and three to five steps suffice.
+# Newton's method for the friction ratio: largest error of the direction [rad], largest change of
+# the force's angle in a step [rad], and most steps. Chosen: rounding is 1e-15, and three to five
+# steps suffice.
 _TOLERANCE: Final = 1e-13
 _MAX_STEP: Final = 0.5
 _MAX_STEPS: Final = 30
 
 
-class _Grip(NamedTuple):
-    """Parameters with the grip in place of the error of the direction, and its gradient (p,)."""
+class _FrictionRatio(NamedTuple):
+    """Parameters with the friction ratio for the direction's error, and its gradient (p,)."""
 
     p: Floats
     gradient: Floats
@@ -48,15 +49,15 @@ class _Grip(NamedTuple):
 class HungProblem(RodProblem):
     """Points of one frame of a beam under a weight, with the prior of its parameters.
 
-    The parameters are those of `RodProblem`, but for the grip's: it is the error [rad] of the
-    direction of gravity. `direction` [rad] is the angle of the axis across gravity, in the frame of
-    the beam at rest: 0 where gravity pulls across the beam.
+    The parameters are those of `RodProblem`, but for the friction ratio's: it is the error [rad] of
+    the direction of gravity. `direction` [rad] is the angle of the axis across gravity, in the
+    frame of the beam at rest: 0 where gravity pulls across the beam.
     """
 
     direction: float
 
     @property
-    def of_grip(self) -> Assumption:
+    def of_friction_ratio(self) -> Assumption:
         """What the rig states of the error of the direction."""
         return Assumption.GRAVITY
 
@@ -66,38 +67,38 @@ class HungProblem(RodProblem):
 
     def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
         """Write the residuals (n,) of shape and pose p, and their Jacobian, as `rod_residuals`."""
-        grip = self._with_grip(p)
-        exists = grip is not None and bool(
+        friction_ratio = self._with_friction_ratio(p)
+        exists = friction_ratio is not None and bool(
             rod_residuals(
-                grip.p, self.points, self.bounds, self.views, self.widths, self.radius, residual,
-                jacobian,
+                friction_ratio.p, self.points, self.bounds, self.views, self.widths, self.radius,
+                residual, jacobian,
             )
         )  # fmt: skip
-        if grip is not None and exists:
-            by_grip = jacobian[GRIP].copy()
-            jacobian[GRIP] = 0.0
-            jacobian += np.outer(grip.gradient, by_grip)
+        if friction_ratio is not None and exists:
+            by_friction_ratio = jacobian[FRICTION_RATIO].copy()
+            jacobian[FRICTION_RATIO] = 0.0
+            jacobian += np.outer(friction_ratio.gradient, by_friction_ratio)
         return exists
 
     def rod_fit(self, fit: FrameFit) -> FrameFit:
-        """Convert a fit to the parameters of `RodProblem`, with the grip and its covariance."""
+        """Convert a fit to the parameters of `RodProblem`, with friction ratio and covariance."""
         own = len(fit.p) - self.shared.shape[1]
-        grip = self._with_grip(fit.p[:own])
-        assert grip is not None  # the fit has residuals
+        friction_ratio = self._with_friction_ratio(fit.p[:own])
+        assert friction_ratio is not None  # the fit has residuals
         to_rod = np.eye(len(fit.p))
-        to_rod[GRIP] = np.append(grip.gradient, np.zeros(len(fit.p) - own))
-        p = np.append(grip.p, fit.p[own:])
+        to_rod[FRICTION_RATIO] = np.append(friction_ratio.gradient, np.zeros(len(fit.p) - own))
+        p = np.append(friction_ratio.p, fit.p[own:])
         return replace(fit, p=p, covariance=to_rod @ fit.covariance @ to_rod.T)
 
-    def _with_grip(self, p: Floats) -> _Grip | None:
-        """Find the grip at shape and pose p (p,); return None if no beam has that shape."""
-        size, wanted = self.shape_size, self.direction + p[GRIP]
+    def _with_friction_ratio(self, p: Floats) -> _FrictionRatio | None:
+        """Find the friction ratio at shape and pose p (p,); None if no beam has that shape."""
+        size, wanted = self.shape_size, self.direction + p[FRICTION_RATIO]
         tilt, softness = p[size + TILT], p[size + SOFTNESS]
         rod = p.copy()
         # A frictionless force turns with the beam, by about q s^2 / 2.
         lean = np.clip(wanted - tilt - p[Q] * p[S_C] ** 2 / 2, -1.2, 1.2)
         for _ in range(_MAX_STEPS):
-            rod[GRIP] = -math.tan(lean)
+            rod[FRICTION_RATIO] = -math.tan(lean)
             curve = curve_of(rod[:size], self.widths, self.radius, STEPS)
             if not curve.exists:
                 return None
@@ -106,11 +107,11 @@ class HungProblem(RodProblem):
             slope[:size] = curve.by_base[:, 2] + softness * by_moment
             slope[size + TILT], slope[size + SOFTNESS] = 1.0, moment
             error = curve.base[2] + tilt + softness * moment - wanted
-            by_lean = -slope[GRIP] * (1 + rod[GRIP] ** 2)
+            by_lean = -slope[FRICTION_RATIO] * (1 + rod[FRICTION_RATIO] ** 2)
             if abs(error) < _TOLERANCE:
-                gradient = -slope / slope[GRIP]
-                gradient[GRIP] = 1 / slope[GRIP]
-                return _Grip(rod, gradient)
+                gradient = -slope / slope[FRICTION_RATIO]
+                gradient[FRICTION_RATIO] = 1 / slope[FRICTION_RATIO]
+                return _FrictionRatio(rod, gradient)
             lean -= np.clip(error / by_lean, -_MAX_STEP, _MAX_STEP)
             if not abs(lean) < MOST_ANGLE:
                 return None
@@ -139,8 +140,8 @@ def hung_problem_of(measurement: Measurement, problem: Problem, gravity: Gravity
     encoder = 0.0 if measurement.motor_angle is None else tolerances.encoder
     sigma = math.hypot(gravity.sigma, encoder, tolerances.board_rotation)
     information = rod.information.copy()
-    information[GRIP, GRIP] = sigma**-2 if sigma else 0.0
-    free = sorted({*rod.free} - {GRIP} | ({GRIP} if sigma else set()))
+    information[FRICTION_RATIO, FRICTION_RATIO] = sigma**-2 if sigma else 0.0
+    free = sorted({*rod.free} - {FRICTION_RATIO} | ({FRICTION_RATIO} if sigma else set()))
     values = {field.name: getattr(rod, field.name) for field in fields(rod)}
     values |= {"radius": 0.0, "information": information, "free": np.array(free), "rigid": None}
     return HungProblem(**values, direction=direction_of_load(measurement, gravity))

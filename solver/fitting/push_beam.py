@@ -18,9 +18,9 @@ class Prior(NamedTuple):
 class LastShape(NamedTuple):
     """Values (m,) by name of a frame, and their Jacobian (m, b + 6).
 
-    The Jacobian is by q, place, the parameters of beam and clamp, grip, motor angle, and the
-    relative errors of EI and of all lengths, of which `input_variances` (2,) are those of the last
-    two. `placement` (m, m) is the covariance due to the error of Sigma_a.
+    The Jacobian is by q, place, the parameters of beam and clamp, friction ratio, motor angle, and
+    the relative errors of EI and of all lengths, of which `input_variances` (2,) are those of the
+    last two. `placement` (m, m) is the covariance due to the error of Sigma_a.
     """
 
     values: dict[str, float]
@@ -33,7 +33,7 @@ class PushBeam(Protocol):
     """Shapes of one beam on its clamp, which all frames of a push share.
 
     A shape has the parameters q, the force across the beam over EI at the clamp [1/m^2]; its place,
-    which determines the contact; the grip; and b parameters of beam and clamp.
+    which determines the contact; the friction ratio; and b parameters of beam and clamp.
     """
 
     @property
@@ -46,15 +46,17 @@ class PushBeam(Protocol):
         """Prior of the parameters of beam and clamp."""
         ...
 
-    def farthest(self, q: Floats, grip: Floats) -> Floats:
+    def farthest(self, q: Floats, friction_ratio: Floats) -> Floats:
         """Compute the largest places (n,) of shapes."""
         ...
 
-    def contacts(self, q: Floats, place: Floats, grip: Floats, beam: Floats) -> Contact | None:
+    def contacts(
+        self, q: Floats, place: Floats, friction_ratio: Floats, beam: Floats
+    ) -> Contact | None:
         """Compute the contacts (n,) of shapes, relative to the clamp's tangent without load.
 
-        The gradients (k, n) are by q, place, grip, and then by the parameters of beam and clamp, or
-        by none of them where they have no effect. Returns None if a shape does not exist.
+        The gradients (k, n) are by q, place, friction ratio, and then by the parameters of beam and
+        clamp, or by none of them where they have no effect. Returns None if a shape does not exist.
         """
         ...
 
@@ -63,14 +65,14 @@ class PushBeam(Protocol):
         ...
 
     def rows(
-        self, frame: int, q: float, place: float, grip: float | None, beam: Floats
+        self, frame: int, q: float, place: float, friction_ratio: float | None, beam: Floats
     ) -> Floats | None:
-        """Compute rows of a frame: Jacobian by q, place, beam and clamp, grip; residual; in sigmas.
+        """Compute rows in sigmas: residual, Jacobian by q, place, beam, clamp, friction ratio.
 
         They have the sum of squares and the gradient of all points (QR), so that the size of a
         joint problem depends only on the number of frames. Errors that all points share, and that
-        are not among the parameters, follow in more columns. The grip is None without friction.
-        Returns None if the shape does not exist.
+        are not among the parameters, follow in more columns. The friction ratio is None without
+        friction. Returns None if the shape does not exist.
         """
         ...
 
@@ -80,7 +82,7 @@ class PushBeam(Protocol):
         q: float,
         place: float,
         beam: Floats,
-        grip: float | None,
+        friction_ratio: float | None,
         motor_angle: float,
     ) -> LastShape:
         """Compute the values of the last frame, whose shape has these parameters."""

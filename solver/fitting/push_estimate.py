@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from solver.fitting.gauss_newton import Fit
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, Push
 from solver.fitting.thresholds import LIMITS
-from solver.fitting.unknown_grip import force_variance_second_order
+from solver.fitting.unknown_friction import force_variance_second_order
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption, Estimate, Outcome
@@ -125,21 +125,22 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     onset, compliance = float(fit.parameters[x0 + 1]), float(fit.parameters[x0 + 2])
     shapes = push.shapes(fit.parameters)
     assert shapes is not None
-    grip = float(push.grip_matrix[-1] @ fit.parameters[push.size :])
+    friction_ratio = float(push.ratio_matrix[-1] @ fit.parameters[push.size :])
     last_shape = push.beam.last_shape(
         last,
         float(fit.parameters[count - 1]),
         float(shapes.places[-1]),
         fit.parameters[push.base],
-        grip if push.friction else None,
+        friction_ratio if push.friction else None,
         # The encoder's reading, corrected by the shapes: onset less the pushing angle.
         onset - side * float(shapes.pushing_angles[-1]),
     )
-    # Derivatives of q, place, clamp and beam, grip and motor angle by the fit's parameters.
+    # Derivatives of q, place, clamp and beam, friction ratio and motor angle by the fit's
+    # parameters.
     by_fit = np.zeros((last_shape.jacobian.shape[1] - 2, n))
     by_fit[0, count - 1], by_fit[1] = 1.0, shapes.d_places[-1]
     by_fit[2:-2, push.base] = np.eye(push.base.stop - push.base.start)
-    by_fit[-2, push.size :] = push.grip_matrix[-1]
+    by_fit[-2, push.size :] = push.ratio_matrix[-1]
     by_fit[-1] = -side * shapes.d_pushing_angles[-1]
     by_fit[-1, x0 + 1] += 1.0
     values = dict(last_shape.values)
@@ -179,6 +180,8 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     covariance = jacobian @ input_covariance @ jacobian.T
     covariance[:rows, :rows] += last_shape.placement
     force = list(values).index("force_n")
-    grip_sigma = math.sqrt(by_fit[-2] @ input_covariance[:n, :n] @ by_fit[-2])
-    covariance[force, force] += force_variance_second_order(values["force_n"], grip, grip_sigma)
+    friction_ratio_sigma = math.sqrt(by_fit[-2] @ input_covariance[:n, :n] @ by_fit[-2])
+    covariance[force, force] += force_variance_second_order(
+        values["force_n"], friction_ratio, friction_ratio_sigma
+    )
     return values, covariance

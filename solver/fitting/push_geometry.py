@@ -89,8 +89,8 @@ def touch(
 ) -> Touch | None:
     """Compute the pushes that make shapes with these contacts (n,), of a beam with EI `rigidity`.
 
-    The gradients (k, n) of the contacts are by q, place, grip and the beam's parameters. Returns
-    None if no pushing angle below a right angle makes a shape.
+    The gradients (k, n) of the contacts are by q, place, friction ratio and the beam's parameters.
+    Returns None if no pushing angle below a right angle makes a shape.
     """
     sine, cosine = np.sin(contact.theta_c), np.cos(contact.theta_c)
     force_sine, force_cosine = (

@@ -6,7 +6,7 @@ angle [rad], the object's compliance [m/N] and its reach [m]. Every shape must h
 x0, which determines its place. The points of a frame measure its shape and the clamp; the encoder
 measures its pushing angle, which also follows from the shape.
 
-With friction the unknowns of the grips follow, Coulomb's coefficient first, as defined in
+With friction the unknowns of the friction ratios follow, Coulomb's coefficient first, as defined in
 `sliding`.
 """
 
@@ -31,7 +31,8 @@ _MAX_STEPS: Final = 20
 _STEP: Final = 1e-3
 # Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
 RADIUS_SIGMA: Final = 0.05
-# Prior sigma of Coulomb's coefficient and of each grip: a typical coefficient of dry friction.
+# Prior sigma of Coulomb's coefficient and of each friction ratio: a typical coefficient of dry
+# friction.
 FRICTION_PRIOR_SIGMA: Final = 0.4
 
 
@@ -52,7 +53,7 @@ class Shapes:
 class Push:
     """Two or more frames of one push of a rig, with the shapes of its beam.
 
-    `grip_matrix` (n, m) maps m unknowns to the frames' grips, which have the prior sigma
+    `ratio_matrix` (n, m) maps m unknowns to the frames' friction ratios, which have the prior sigma
     `friction_sigma`; m is zero without friction. `offset` (2,) [m] is the clamp's position relative
     to the motor's axis in the frame of the beam at rest, `offset_covariance` (2, 2) its covariance.
     """
@@ -60,7 +61,7 @@ class Push:
     frames: tuple[PushFrame, ...]
     rig: Rig
     beam: PushBeam
-    grip_matrix: Floats
+    ratio_matrix: Floats
     friction_sigma: float = FRICTION_PRIOR_SIGMA
     offset: Floats = field(default_factory=lambda: np.zeros(2))
     offset_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
@@ -82,27 +83,27 @@ class Push:
 
     @property
     def size(self) -> int:
-        """Number of parameters before the unknowns of the grips."""
+        """Number of parameters before the unknowns of the friction ratios."""
         return int(self.base.stop) + PUSH
 
     @property
     def friction(self) -> bool:
         """Whether the push is modelled with friction."""
-        return bool(self.grip_matrix.shape[1])
+        return bool(self.ratio_matrix.shape[1])
 
     def shapes(self, parameters: Floats) -> Shapes | None:
         """Solve for the places with the object at x0, by Newton's steps; None if none exist."""
         count, length = len(self.frames), self.rig.beam.length
-        q, grip = parameters[:count], self.grip_matrix @ parameters[self.size :]
+        q, friction_ratio = parameters[:count], self.ratio_matrix @ parameters[self.size :]
         x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
         if not (q >= 0).all() or x0 <= 0:
             return None
         beam, rigidity = parameters[self.base], self.rig.beam.flexural_rigidity
         first = first_about_axis(self.beam.first_touch(x0, beam), self.offset)
-        max_places = 0.999 * self.beam.farthest(q, grip)
+        max_places = 0.999 * self.beam.farthest(q, friction_ratio)
         places = np.minimum(x0, max_places)
         for _ in range(_MAX_STEPS):
-            contacts = self.beam.contacts(q, places, grip, beam)
+            contacts = self.beam.contacts(q, places, friction_ratio, beam)
             if contacts is None:
                 return None
             touches = touch(about_axis(contacts, self.offset), first, compliance, reach, rigidity)
@@ -123,9 +124,9 @@ class Push:
 
     def _by_all(self, by_touch: Floats) -> Floats:
         """Map a touch's gradient (k, n), except that by the places, to all parameters (n, p)."""
-        gradient = np.zeros((len(self.frames), self.size + self.grip_matrix.shape[1]))
+        gradient = np.zeros((len(self.frames), self.size + self.ratio_matrix.shape[1]))
         np.fill_diagonal(gradient, by_touch[0])
-        gradient[:, self.size :] = by_touch[2][:, None] * self.grip_matrix
+        gradient[:, self.size :] = by_touch[2][:, None] * self.ratio_matrix
         by_beam, (by_compliance, by_reach, by_x0) = by_touch[3:-3], by_touch[-3:]
         gradient[:, self.base.start : self.base.start + len(by_beam)] = by_beam.T
         x0 = self.base.stop
@@ -143,15 +144,15 @@ class Push:
         by_parameters = np.zeros((images[1].shape[1], len(parameters)))
         by_parameters[:image_unknowns, :image_unknowns] = np.eye(image_unknowns)
         by_parameters[image_unknowns : image_unknowns + count] = shapes.d_places
-        by_parameters[image_unknowns + count :, self.size :] = np.eye(self.grip_matrix.shape[1])
+        by_parameters[image_unknowns + count :, self.size :] = np.eye(self.ratio_matrix.shape[1])
         residual, jacobian = self._push_residuals(parameters, shapes)
         return np.append(images[0], residual), np.vstack([images[1] @ by_parameters, jacobian])
 
     def _image_residuals(self, parameters: Floats, places: Floats) -> Linearised | None:
         """Compute the residuals of the images: a few rows per frame, and the prior.
 
-        The Jacobian is by q (n), clamp and beam, the places (n) and the grips' unknowns. Returns
-        None if a shape does not exist.
+        The Jacobian is by q (n), clamp and beam, the places (n) and the friction ratios' unknowns.
+        Returns None if a shape does not exist.
         """
         count, size = len(self.frames), self.base.stop
         residuals, jacobians = [], []
@@ -160,10 +161,10 @@ class Push:
             if rows is None:
                 return None
             base = size - count
-            by_shape = np.zeros((len(rows), size + count + self.grip_matrix.shape[1]))
+            by_shape = np.zeros((len(rows), size + count + self.ratio_matrix.shape[1]))
             by_shape[:, i], by_shape[:, size + i] = rows[:, 0], rows[:, 1]
             by_shape[:, self.base] = rows[:, 2 : 2 + base]
-            by_shape[:, size + count :] = np.outer(rows[:, 2 + base], self.grip_matrix[i])
+            by_shape[:, size + count :] = np.outer(rows[:, 2 + base], self.ratio_matrix[i])
             residuals.append(rows[:, 3 + base])
             jacobians.append(by_shape)
         prior = self.beam.prior
@@ -174,25 +175,27 @@ class Push:
 
     def _rows(self, i: int, parameters: Floats, places: Floats) -> Floats | None:
         """Compute the rows of a frame, as `PushBeam.rows`."""
-        grip = float(self.grip_matrix[i] @ parameters[self.size :]) if self.friction else None
-        return self.beam.rows(i, parameters[i], places[i], grip, parameters[self.base])
+        friction_ratio = (
+            float(self.ratio_matrix[i] @ parameters[self.size :]) if self.friction else None
+        )
+        return self.beam.rows(i, parameters[i], places[i], friction_ratio, parameters[self.base])
 
     def _push_residuals(self, parameters: Floats, shapes: Shapes) -> Linearised:
-        """Compute the push's residuals: pushing angles (n), priors of object radius and grips."""
-        count, grip_count, side = (
+        """Compute the push's residuals: pushing angles (n), priors of radius and friction."""
+        count, ratio_count, side = (
             len(self.frames),
-            self.grip_matrix.shape[1],
+            self.ratio_matrix.shape[1],
             self.rig.deflects_towards,
         )
         onset, reach = self.size - PUSH + 1, self.size - 1
-        residual = np.zeros(count + 1 + grip_count)
+        residual = np.zeros(count + 1 + ratio_count)
         jacobian = np.zeros((len(residual), len(parameters)))
         residual[:count] = shapes.pushing_angles - side * (parameters[onset] - self.motor_angles)
         jacobian[:count] = shapes.d_pushing_angles
         jacobian[:count, onset] -= side
         residual[count] = parameters[reach] - self.rig.beam.radius
         residual[count + 1 :] = parameters[self.size :]
-        jacobian[count:, reach:] = np.eye(1 + grip_count)
+        jacobian[count:, reach:] = np.eye(1 + ratio_count)
         sigma = np.full(len(residual), self.encoder_sigma)
         sigma[count] = RADIUS_SIGMA * self.rig.beam.length
         sigma[count + 1 :] = self.friction_sigma

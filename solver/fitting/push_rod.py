@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.beam_models.curve import END, Curve
 from solver.beam_models.frictional import Contact
-from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
 from solver.beam_models.rod_stretch import width_at
 from solver.fitting import frames
 from solver.fitting.push_beam import LastShape, Prior
@@ -48,7 +48,9 @@ class RodBeam:
     def fitted(self) -> Floats:
         """Indices (b,) of the parameters of beam and clamp among those of a frame's problem."""
         free = self._problem.free
-        return np.asarray(free[~np.isin(free, (Q, S_C, GRIP)) & (free < self._problem.common)])
+        return np.asarray(
+            free[~np.isin(free, (Q, S_C, FRICTION_RATIO)) & (free < self._problem.common)]
+        )
 
     @property
     def points(self) -> int:
@@ -64,16 +66,18 @@ class RodBeam:
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
         return Prior(self._problem.mean[self.fitted], np.asarray(root * unit))
 
-    def farthest(self, q: Floats, grip: Floats) -> Floats:
+    def farthest(self, q: Floats, friction_ratio: Floats) -> Floats:
         """Return the arc length to which a curve is integrated [m]."""
-        del grip
+        del friction_ratio
         return np.full(len(q), _FARTHEST * END * self.rig.beam.length)
 
-    def contacts(self, q: Floats, place: Floats, grip: Floats, beam: Floats) -> Contact | None:
+    def contacts(
+        self, q: Floats, place: Floats, friction_ratio: Floats, beam: Floats
+    ) -> Contact | None:
         """Compute the contacts (n,), with gradients (3 + b, n)."""
         rows = [
             self._contact(self._parameters(i, *shape, beam))
-            for i, shape in enumerate(zip(q, place, grip, strict=True))
+            for i, shape in enumerate(zip(q, place, friction_ratio, strict=True))
         ]
         present = [row for row in rows if row is not None]
         if len(present) < len(rows):
@@ -81,7 +85,7 @@ class RodBeam:
         length = self.rig.beam.length
         table = np.moveaxis(np.array(present), 0, -1)  # (6, 1 + p, n)
         table *= np.array([length**-2, 1.0, length, length, length, 1.0])[:, None, None]
-        values, by = table[:, 0], table[:, 1 + np.array([Q, S_C, GRIP, *self.fitted])]
+        values, by = table[:, 0], table[:, 1 + np.array([Q, S_C, FRICTION_RATIO, *self.fitted])]
         by[:, 0] *= length**2
         by[:, 1] /= length
         load, theta, x, y, s, lean = values
@@ -117,18 +121,18 @@ class RodBeam:
         return FirstTouch(float(position * length), float(across - excess) * length, angle, chosen)
 
     def rows(
-        self, frame: int, q: float, place: float, grip: float | None, beam: Floats
+        self, frame: int, q: float, place: float, friction_ratio: float | None, beam: Floats
     ) -> Floats | None:
         """Compute rows of a frame: 4 + b columns."""
         problem, inflation = self.frames[frame]
         own, count = problem.own_errors, len(problem.mean)
-        shared = self._parameters(frame, q, place, grip or 0.0, beam)
+        shared = self._parameters(frame, q, place, friction_ratio or 0.0, beam)
         at = residuals_at(problem, np.append(shared, np.zeros(own)))
         if at is None:
             return None
         length = self.rig.beam.length
         # Errors of this frame's own, with unit prior, come first: they are eliminated.
-        order = [*range(count - own, count), Q, S_C, *self.fitted, GRIP]
+        order = [*range(count - own, count), Q, S_C, *self.fitted, FRICTION_RATIO]
         columns = np.vstack([at[1][order], at[0]])
         columns[own] *= length**2
         columns[own + 1] /= length
@@ -142,15 +146,15 @@ class RodBeam:
         q: float,
         place: float,
         beam: Floats,
-        grip: float | None,
+        friction_ratio: float | None,
         motor_angle: float,
     ) -> LastShape:
         """Compute the values of the last frame by `rod_contact`."""
-        p = self._parameters(len(self.frames) - 1, q, place, grip or 0.0, beam)
+        p = self._parameters(len(self.frames) - 1, q, place, friction_ratio or 0.0, beam)
         contact, by_p = rod_contact(self.rig, self._problem, p, motor_angle)
         values, by_contact, placement = frames.in_all_frames(last, contact, clamp_fitted=True)
         count = len(p)
-        columns = [Q, S_C, *self.fitted, GRIP, count, count + 1, count + 2]
+        columns = [Q, S_C, *self.fitted, FRICTION_RATIO, count, count + 1, count + 2]
         jacobian = (by_contact @ by_p)[:, columns]
         jacobian[:, 0] *= self.rig.beam.length**2
         jacobian[:, 1] /= self.rig.beam.length
@@ -161,14 +165,16 @@ class RodBeam:
         """Problem whose prior all frames share."""
         return self.frames[0].problem
 
-    def _parameters(self, frame: int, q: float, place: float, grip: float, beam: Floats) -> Floats:
+    def _parameters(
+        self, frame: int, q: float, place: float, friction_ratio: float, beam: Floats
+    ) -> Floats:
         """Return the parameters (p,) of a frame's problem before the errors of the frame's own.
 
         The bow differs from that of the first frame by what the beam's own weight changes.
         """
         problem, length = self.frames[frame].problem, self.rig.beam.length
         p = problem.mean[: problem.common].copy()
-        p[[Q, S_C, GRIP]] = q * length**2, place / length, grip
+        p[[Q, S_C, FRICTION_RATIO]] = q * length**2, place / length, friction_ratio
         p[self.fitted] += beam - self._problem.mean[self.fitted]
         return p
 

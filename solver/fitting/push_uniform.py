@@ -35,7 +35,17 @@ from solver.instrument.rig import Rig
 _FRAME_PARAMETERS: Final = [Q, LEVER, DX, DY, TILT]
 _COLUMNS: Final = [
     SHAPE.index(name)
-    for name in ("q", "lever", "dx", "dy", "tilt", "grip", "motor_angle", "rigidity", "scale")
+    for name in (
+        "q",
+        "lever",
+        "dx",
+        "dy",
+        "tilt",
+        "friction_ratio",
+        "motor_angle",
+        "rigidity",
+        "scale",
+    )
 ]
 
 
@@ -46,7 +56,9 @@ class UniformPoints:
     problem: Problem
     variance_inflation: float
 
-    def rows(self, shape: Floats, base: Floats, length: float, grip: float | None) -> Floats | None:
+    def rows(
+        self, shape: Floats, base: Floats, length: float, friction_ratio: float | None
+    ) -> Floats | None:
         """Compute the rows of `PushBeam.rows`; a shape (2,) is (q, lever), a base (3,) the pose."""
         shared = self.problem.shared_errors
         unit = np.array(
@@ -54,7 +66,9 @@ class UniformPoints:
         )
         parameters = np.array([*shape, *base]) * unit[:5]
         rows = (
-            self._frictionless(parameters) if grip is None else self._frictional(parameters, grip)
+            self._frictionless(parameters)
+            if friction_ratio is None
+            else self._frictional(parameters, friction_ratio)
         )
         if rows is None:
             return None
@@ -62,7 +76,7 @@ class UniformPoints:
         return np.asarray(condensed * unit / math.sqrt(self.variance_inflation), dtype=np.float64)
 
     def _frictionless(self, parameters: Floats) -> Floats | None:
-        """Compute rows (7, n): gradients by (q, lever, dx, dy, tilt), zero by grip, residuals."""
+        """Compute rows (7, n): gradients by q, lever, dx, dy, tilt, friction (0); residuals."""
         points, bounds, views, *_ = self.problem.arrays
         p = np.zeros(PARAMETERS)
         p[_FRAME_PARAMETERS] = parameters
@@ -72,17 +86,19 @@ class UniformPoints:
         point_residuals(p, points, bounds, views, True, rows[-1], rows[:-2])
         return rows[[*_FRAME_PARAMETERS, -2, -1]]
 
-    def _frictional(self, parameters: Floats, grip: float) -> Floats | None:
-        """Compute the rows of `_frictionless` with friction, including the gradient by grip."""
+    def _frictional(self, parameters: Floats, friction_ratio: float) -> Floats | None:
+        """Compute the rows of `_frictionless` with friction, and the gradient by friction ratio."""
         q, lever, dx, dy, tilt = parameters
-        if not frictional.exists(q, lever, grip):
+        if not frictional.exists(q, lever, friction_ratio):
             return None
         points = self.problem.arrays[0]
         rotation = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
         sigmas = rotation @ points[[SIGMA_X, SIGMA_Y]]
 
         def weighted_misfit(position: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-            value, by_point, by_shape = frictional.misfit(position[0], position[1], q, lever, grip)
+            value, by_point, by_shape = frictional.misfit(
+                position[0], position[1], q, lever, friction_ratio
+            )
             sigma = (sigmas * by_point.T).sum(axis=0)
             # The weight has the sign of sigma, as in `residuals`.
             weight = 1 / np.where(np.abs(sigma) > LEAST_SIGMA, sigma, LEAST_SIGMA)
@@ -90,8 +106,8 @@ class UniformPoints:
 
         observed = rotation @ [points[X] - dx, points[Y] - dy]
         residual, *_ = weighted_misfit(observed)
-        # Evaluate gradients at the points without their errors, which would bias the grip, as they
-        # would bias psi in `residuals`.
+        # Evaluate gradients at the points without their errors, which would bias the friction
+        # ratio, as they would bias psi in `residuals`.
         x, y = foot = observed - residual * sigmas
         _, by_point, by_shape, weight = weighted_misfit(foot)
         by_tilt = by_point[0] * y - by_point[1] * x
@@ -121,18 +137,18 @@ class UniformBeam:
         """The clamp's prior."""
         return Prior(np.zeros(3), np.linalg.inv(np.linalg.cholesky(self.base_covariance)))
 
-    def farthest(self, q: Floats, grip: Floats) -> Floats:
+    def farthest(self, q: Floats, friction_ratio: Floats) -> Floats:
         """Compute the largest levers (n,) [m]."""
-        return frictional.farthest(q, grip)
+        return frictional.farthest(q, friction_ratio)
 
     def contacts(
-        self, q: Floats, place: Floats, grip: Floats, beam: Floats
+        self, q: Floats, place: Floats, friction_ratio: Floats, beam: Floats
     ) -> frictional.Contact | None:
         """Compute the contacts (n,), with gradients (3, n)."""
         del beam  # the contact is relative to the clamp
-        if not frictional.exists(q, place, grip):
+        if not frictional.exists(q, place, friction_ratio):
             return None
-        return frictional.contact(q, place, grip, self.rig.beam.radius)
+        return frictional.contact(q, place, friction_ratio, self.rig.beam.radius)
 
     def first_touch(self, x0: float, beam: Floats) -> FirstTouch:
         """Return that of a straight beam."""
@@ -140,10 +156,12 @@ class UniformBeam:
         return FirstTouch(x0, 0.0, 0.0, np.array([[1.0], [0.0], [0.0]]))
 
     def rows(
-        self, frame: int, q: float, place: float, grip: float | None, beam: Floats
+        self, frame: int, q: float, place: float, friction_ratio: float | None, beam: Floats
     ) -> Floats | None:
         """Compute rows of a frame: seven columns, and those of the shared errors."""
-        return self.frames[frame].rows(np.array([q, place]), beam, self.rig.beam.length, grip)
+        return self.frames[frame].rows(
+            np.array([q, place]), beam, self.rig.beam.length, friction_ratio
+        )
 
     def last_shape(
         self,
@@ -151,14 +169,14 @@ class UniformBeam:
         q: float,
         place: float,
         beam: Floats,
-        grip: float | None,
+        friction_ratio: float | None,
         motor_angle: float,
     ) -> LastShape:
         """Compute the values of the last frame by `shape_quantities`."""
         shape = np.zeros(len(SHAPE))
-        shape[_COLUMNS[:7]] = q, place, *beam, grip or 0.0, motor_angle
+        shape[_COLUMNS[:7]] = q, place, *beam, friction_ratio or 0.0, motor_angle
         values, by_shape, placement = shape_quantities(
-            last, shape, clamp_fitted=True, grip_fitted=grip is not None
+            last, shape, clamp_fitted=True, friction_fitted=friction_ratio is not None
         )
         rigidity = self.rig.tolerances.flexural_rigidity / self.rig.beam.flexural_rigidity
         variances = np.array([rigidity**2, last.scale_sigma**2])

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
 from solver.beam_models.rod_stretch import width_at
 from solver.fitting.rod_problem import P, RodProblem
 from solver.fitting.sliding import CERTAIN, HELD
@@ -61,14 +61,17 @@ def with_friction_sign(problem: P, sign: int) -> P:
         return replace(problem, friction_sign=sign)
     mean, information = problem.mean.copy(), problem.information.copy()
     coefficient, sigma = problem.rigid.friction
-    mean[GRIP], information[GRIP, GRIP] = sign * coefficient, sigma**-2
+    mean[FRICTION_RATIO], information[FRICTION_RATIO, FRICTION_RATIO] = (
+        sign * coefficient,
+        sigma**-2,
+    )
     return replace(problem, mean=mean, information=information, friction_sign=sign)
 
 
 def _growth(problem: RodProblem, p: Floats) -> _Growth:
     assert problem.rigid is not None, "the rig states that objects are rigid"
     shape = p[: problem.shape_size].copy()
-    shape[GRIP] = 0.0
+    shape[FRICTION_RATIO] = 0.0
     widths = shape[WIDTHS : WIDTHS + problem.widths]
     width, _ = width_at(float(shape[S_C]), widths, np.zeros(max(len(widths), 1)))
     radius = problem.radius * width

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP
+from solver.beam_models.rod import FRICTION_RATIO
 from solver.fitting.fit import FrameFit
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
@@ -131,7 +131,7 @@ def _best_fit(rod: RodProblem, start: Floats) -> FrameFit | None:
     Friction bends a beam much as a taper does: with both, there may be several minima.
     """
     fit = fit_rod(rod, start)
-    smooth = rod.free[rod.free != GRIP]
+    smooth = rod.free[rod.free != FRICTION_RATIO]
     if len(smooth) == len(rod.free) or (fit is not None and _rank(fit) == (False, 0)):
         return fit
     held = fit_rod(replace(rod, free=smooth), start)

@@ -18,13 +18,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, S_C, Q
+from solver.beam_models.rod import FRICTION_RATIO, S_C, Q
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import SHARED_VARIANCE_FRACTION, RodProblem
 from solver.instrument.arrays import Floats
 
 # Parameters of each frame's own; all others are shared.
-OWN: Final = (Q, S_C, GRIP)
+OWN: Final = (Q, S_C, FRICTION_RATIO)
 # Chosen: along a curved valley, as where a clamp may give or hold farther in, steps shrink by 5 %
 # each; 60 did not reach its bottom in one of twenty cases.
 _MAX_ITERATIONS: Final = 200
@@ -42,16 +42,16 @@ _ROUNDING: Final = 1e-12
 class JointFit:
     """Fit of n frames: `frames` (n, c) are their parameters, `covariance` (s, s) of the shared.
 
-    `shared` (s,) are the indices of the shared parameters that were fitted; `grip` and `grip_sigma`
-    are the mean of the friction ratios, beyond that of their priors; `objective` is the sum of
-    squares of all points and priors.
+    `shared` (s,) are the indices of the shared parameters that were fitted; `friction_ratio` and
+    `friction_ratio_sigma` are the mean of the friction ratios, beyond that of their priors;
+    `objective` is the sum of squares of all points and priors.
     """
 
     frames: Floats
     shared: Floats
     covariance: Floats
-    grip: float
-    grip_sigma: float
+    friction_ratio: float
+    friction_ratio_sigma: float
     objective: float
     converged: bool
 
@@ -59,11 +59,11 @@ class JointFit:
 class _System(NamedTuple):
     """Normal equations at `parameters` (n, c): own blocks (n, o, o), mixed (n, o, s + 1), shared.
 
-    The last shared parameter is the mean friction ratio, `grip`.
+    The last shared parameter is the mean friction ratio, `friction_ratio`.
     """
 
     parameters: Floats
-    grip: float
+    friction_ratio: float
     objective: float
     own: Floats
     mixed: Floats
@@ -114,8 +114,8 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
         frames=at.parameters,
         shared=shared,
         covariance=covariance[:-1, :-1],
-        grip=at.grip,
-        grip_sigma=math.sqrt(covariance[-1, -1]),
+        friction_ratio=at.friction_ratio,
+        friction_ratio_sigma=math.sqrt(covariance[-1, -1]),
         objective=at.objective,
         converged=converged,
     )
@@ -151,7 +151,11 @@ def _rows(problem: RodProblem, p: Floats) -> Floats | None:
 
 
 def _system(
-    problems: Sequence[RodProblem], parameters: Floats, grip: float, own: Floats, shared: Floats
+    problems: Sequence[RodProblem],
+    parameters: Floats,
+    friction_ratio: float,
+    own: Floats,
+    shared: Floats,
 ) -> _System | None:
     n, s, first = len(problems), len(shared), problems[0]
     if (parameters[:, [Q, S_C]] <= 0).any():
@@ -164,12 +168,12 @@ def _system(
     shared_block[:s, :s] = first.information[np.ix_(shared, shared)]
     deviation[:s] = parameters[0, shared] - first.mean[shared]
     # Without friction, its mean is 0 and has no effect.
-    known = max(problem.information[GRIP, GRIP] for problem in problems)
+    known = max(problem.information[FRICTION_RATIO, FRICTION_RATIO] for problem in problems)
     shared_block[s, s] = max(known, 1.0) / SHARED_VARIANCE_FRACTION
-    deviation[s] = grip
+    deviation[s] = friction_ratio
     shared_gradient = shared_block @ deviation
     objective = float(deviation @ shared_gradient)
-    friction = np.flatnonzero(own == GRIP)
+    friction = np.flatnonzero(own == FRICTION_RATIO)
     for i, problem in enumerate(problems):
         rows = _rows(problem, parameters[i])
         if rows is None:
@@ -180,7 +184,7 @@ def _system(
         sign = problem.friction_sign
         prior[friction, friction] /= 1 - SHARED_VARIANCE_FRACTION * sign**2
         pull = parameters[i, own] - problem.mean[own]
-        pull[friction] -= sign * grip
+        pull[friction] -= sign * friction_ratio
         own_blocks[i] = by_own @ by_own.T + prior
         mixed[i, :, :s] = by_own @ by_shared.T
         mixed[i, friction, s] = -sign * prior[friction, friction]
@@ -191,7 +195,14 @@ def _system(
         shared_gradient[s] -= sign * (prior[friction, friction] * pull[friction]).sum()
         objective += float(residual @ residual + pull @ prior @ pull)
     return _System(
-        parameters, grip, objective, own_blocks, mixed, shared_block, own_gradient, shared_gradient
+        parameters,
+        friction_ratio,
+        objective,
+        own_blocks,
+        mixed,
+        shared_block,
+        own_gradient,
+        shared_gradient,
     )
 
 
@@ -228,5 +239,5 @@ def _step(
     trial = at.parameters.copy()
     trial[:, own] += step_own
     trial[:, shared] += step_shared[:-1]
-    moved = _system(problems, trial, at.grip + float(step_shared[-1]), own, shared)
+    moved = _system(problems, trial, at.friction_ratio + float(step_shared[-1]), own, shared)
     return moved, math.sqrt(max(float(decrease), 0.0))

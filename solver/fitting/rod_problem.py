@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
+from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y
@@ -65,8 +65,8 @@ class RodProblem:
     friction_sign: int = 1
 
     @property
-    def of_grip(self) -> Assumption:
-        """What the rig states of the parameter GRIP."""
+    def of_friction_ratio(self) -> Assumption:
+        """What the rig states of the parameter FRICTION_RATIO."""
         return Assumption.FRICTION
 
     @property
@@ -176,7 +176,7 @@ def _prior(measurement: Measurement, shared: int, light: float) -> tuple[Floats,
     size = first + (0 if rest is None else BOW)
     mean = np.zeros(size + POSE + shared)
     covariance = np.zeros((len(mean), len(mean)))
-    covariance[GRIP, GRIP] = shape.ratio_sigma**2
+    covariance[FRICTION_RATIO, FRICTION_RATIO] = shape.ratio_sigma**2
     mean[size + PSI] = measurement.handedness * (measurement.rig.known_psi or 0.0)
     own = np.arange(size + POSE, len(mean))
     covariance[own, own] = 1.0

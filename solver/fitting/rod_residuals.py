@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from solver.beam_models.curve import Curve, U, interpolated
-from solver.beam_models.rod import GRIP, STEPS, Q, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, STEPS, Q, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y, weight_of
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
@@ -30,12 +30,12 @@ POSE: Final = 5
 def clamp_moment(curve: Curve, p: Floats) -> tuple[float, Floats]:
     """Compute the moment at the clamp [EI / L] and its gradient (k,) by the shape's parameters."""
     gradient = np.empty(len(curve.by_base))
-    root = np.sqrt(1 + p[GRIP] * p[GRIP])
+    root = np.sqrt(1 + p[FRICTION_RATIO] * p[FRICTION_RATIO])
     load, lever = p[Q] * root, curve.base[0]
     for i in range(len(gradient)):
         gradient[i] = load * curve.by_base[i, 0]
     gradient[Q] += root * lever
-    gradient[GRIP] += p[Q] * p[GRIP] / root * lever
+    gradient[FRICTION_RATIO] += p[Q] * p[FRICTION_RATIO] / root * lever
     return load * lever, gradient
 
 

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, STEPS, contact_of, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, STEPS, contact_of, curve_of
 from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
-from solver.fitting.unknown_grip import force_variance_second_order
+from solver.fitting.unknown_friction import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
@@ -29,9 +29,11 @@ def rod_values(
     )
     total = by_contact @ jacobian
     result = np.asarray(total @ covariance @ total.T + pose_covariance)
-    force, grip = list(values).index("force_n"), float(fit.p[GRIP])
-    grip_sigma = math.sqrt(fit.covariance[GRIP, GRIP])
-    result[force, force] += force_variance_second_order(values["force_n"], grip, grip_sigma)
+    force, friction_ratio = list(values).index("force_n"), float(fit.p[FRICTION_RATIO])
+    friction_ratio_sigma = math.sqrt(fit.covariance[FRICTION_RATIO, FRICTION_RATIO])
+    result[force, force] += force_variance_second_order(
+        values["force_n"], friction_ratio, friction_ratio_sigma
+    )
     return values, result
 
 

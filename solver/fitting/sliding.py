@@ -33,20 +33,21 @@ CERTAIN: Final = 0.95
 HELD: Final = 3.0
 
 
-def grip_matrix(
+def ratio_matrix(
     pushing_angles: Floats,
     begins: Sequence[bool],
     sigma: float,
     slenderness: float,
     softest: float,
 ) -> Floats:
-    """Build the matrix (n, m) that maps m unknowns to the grips of n frames, in their order.
+    """Build the matrix (n, m) that maps m unknowns to friction ratios of n frames, in their order.
 
-    The first unknown is Coulomb's coefficient: the grip of a sliding contact is plus this (towards
-    the tip) or minus this (back). The others are the grips of contacts that may be held, one each.
-    `pushing_angles` (n,) [rad] are from first contact, known to `sigma`; `begins` (n,) is True
-    where the beam was free before; `slenderness` is the beam's radius over the contact distance,
-    and `softest` the largest possible compliance of the object, over the beam's own.
+    The first unknown is Coulomb's coefficient: the friction ratio of a sliding contact is plus this
+    (towards the tip) or minus this (back). The others are the friction ratios of contacts that may
+    be held, one each. `pushing_angles` (n,) [rad] are from first contact, known to `sigma`;
+    `begins` (n,) is True where the beam was free before; `slenderness` is the beam's radius over
+    the contact distance, and `softest` the largest possible compliance of the object, over the
+    beam's own.
     """
     starts = [i for i, free_before in enumerate(begins) if free_before or i == 0]
     angles = np.asarray(pushing_angles)

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, WIDTHS
+from solver.beam_models.rod import FRICTION_RATIO, WIDTHS
 from solver.fitting.alternative_taper import fit_alternative_taper, with_other_friction
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
@@ -67,7 +67,7 @@ def prior_conflict(
     if least.objective - other.objective < gain:
         return None
     assumption = Assumption.TAPER
-    if rod.of_grip is Assumption.FRICTION:
+    if rod.of_friction_ratio is Assumption.FRICTION:
         friction = with_other_friction(measurement, problem, fit.kept, rod_problem, p)
         assumption = _taper_or_friction(other.objective, friction)
     return PriorConflict(
@@ -93,7 +93,7 @@ def _assumptions(rod: RodProblem) -> dict[Assumption | None, list[int]]:
     size, bow = rod.shape_size, WIDTHS + rod.widths
     pose = [size + entry for entry in (DX, DY, TILT, SOFTNESS)]
     return {
-        rod.of_grip: [GRIP],
+        rod.of_friction_ratio: [FRICTION_RATIO],
         Assumption.TAPER: list(range(WIDTHS, bow)),
         Assumption.BOW: list(range(bow, size)),
         Assumption.PLANE: [size + PSI],

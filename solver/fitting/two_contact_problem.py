@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
+from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
 from solver.beam_models.rod_stretch import width_at
 from solver.beam_models.two_contacts import INNER_PARAMETERS, STEPS, two_contacts_of
 from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
@@ -103,10 +103,10 @@ def two_contact_problem_of(rod: RodProblem) -> TwoContactProblem:
     """Add an inner contact to the problem of one contact, with the same prior of its friction."""
     size = rod.shape_size
     added = [size] * INNER_PARAMETERS
-    load, place, grip = range(size, size + INNER_PARAMETERS)
+    load, place, friction_ratio = range(size, size + INNER_PARAMETERS)
     information = np.insert(np.insert(rod.information, added, 0.0, axis=0), added, 0.0, axis=1)
-    information[grip, grip] = rod.information[GRIP, GRIP]
-    rubs = [grip] if GRIP in rod.free else []
+    information[friction_ratio, friction_ratio] = rod.information[FRICTION_RATIO, FRICTION_RATIO]
+    rubs = [friction_ratio] if FRICTION_RATIO in rod.free else []
     others = np.where(rod.free < size, rod.free, rod.free + INNER_PARAMETERS)
     return TwoContactProblem(
         points=rod.points,

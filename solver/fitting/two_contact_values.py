@@ -5,13 +5,18 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP
-from solver.beam_models.two_contacts import GRIP_INNER, STEPS, contacts_of, two_contacts_of
+from solver.beam_models.rod import FRICTION_RATIO
+from solver.beam_models.two_contacts import (
+    FRICTION_RATIO_INNER,
+    STEPS,
+    contacts_of,
+    two_contacts_of,
+)
 from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.rod_values import input_variances, mounted_contact
 from solver.fitting.two_contact_problem import TwoContactProblem
-from solver.fitting.unknown_grip import force_variance_second_order
+from solver.fitting.unknown_friction import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 
@@ -40,8 +45,11 @@ def two_contact_values(
     quantities, by_shape = contacts_of(both, shape)
     values: dict[str, float] = {}
     by_variables, by_poses, curved = [], [], []
-    for i, (names, grip) in enumerate(
-        (({name: name for name in frames.NAMES}, size + GRIP_INNER), (_SECOND, GRIP))
+    for i, (names, friction_ratio) in enumerate(
+        (
+            ({name: name for name in frames.NAMES}, size + FRICTION_RATIO_INNER),
+            (_SECOND, FRICTION_RATIO),
+        )
     ):
         contact, by_variable = mounted_contact(
             measurement.rig,
@@ -62,9 +70,11 @@ def two_contact_values(
         values |= {names[labels[k]]: estimated[labels[k]] for k in kept}
         by_variables.append((by_contact @ by_variable)[kept])
         by_poses.append(by_pose[kept])
-        grip_sigma = math.sqrt(fit.covariance[grip, grip])
+        friction_ratio_sigma = math.sqrt(fit.covariance[friction_ratio, friction_ratio])
         curved.append(
-            force_variance_second_order(estimated["force_n"], float(fit.p[grip]), grip_sigma)
+            force_variance_second_order(
+                estimated["force_n"], float(fit.p[friction_ratio]), friction_ratio_sigma
+            )
         )
     covariance = np.zeros((count + 3, count + 3))
     covariance[:count, :count] = fit.covariance

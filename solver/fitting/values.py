@@ -14,10 +14,21 @@ from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
 
 # Variables of the gradients. `rigidity` and `scale` are the relative errors of EI and of all
-# lengths, `grip` is the friction ratio (see `frictional`).
-SHAPE: Final = ("q", "lever", "psi", "dx", "dy", "tilt", "motor_angle", "rigidity", "scale", "grip")
-_ANGLE, _EI, _SCALE, _GRIP = (
-    SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale", "grip")
+# lengths, `friction_ratio` is the friction ratio (see `frictional`).
+SHAPE: Final = (
+    "q",
+    "lever",
+    "psi",
+    "dx",
+    "dy",
+    "tilt",
+    "motor_angle",
+    "rigidity",
+    "scale",
+    "friction_ratio",
+)
+_ANGLE, _EI, _SCALE, _FRICTION_RATIO = (
+    SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale", "friction_ratio")
 )
 _LENGTHS: Final = (frames.X_C, frames.Y_C, frames.S_C)
 _CONTACT_ROWS: Final = (frames.FORCE, frames.THETA, *_LENGTHS, frames.LEAN)
@@ -29,17 +40,17 @@ def shape_quantities(
     *,
     psi_fitted: bool = False,
     clamp_fitted: bool = False,
-    grip_fitted: bool = False,
+    friction_fitted: bool = False,
 ) -> tuple[dict[str, float], Floats, Floats]:
     """Compute an exact beam's values (m,), Jacobian (m, 10) by `SHAPE`, covariance by Sigma_a.
 
     `shape` (10,) is in the order of `SHAPE`, with a zero error of lengths. An unknown motor angle
-    has no effect, nor has the grip unless it was fitted: a contact without friction has none. The
-    other arguments and the last matrix (m, m) are those of `in_all_frames`.
+    has no effect, nor has the friction ratio unless it was fitted: a contact without friction has
+    none. The other arguments and the last matrix (m, m) are those of `in_all_frames`.
     """
     q, lever, beam = float(shape[0]), float(shape[1]), measurement.rig.beam
-    if grip_fitted:
-        state = frictional.contact(q, lever, float(shape[_GRIP]), beam.radius)
+    if friction_fitted:
+        state = frictional.contact(q, lever, float(shape[_FRICTION_RATIO]), beam.radius)
         quantities = np.empty((len(_CONTACT_ROWS), 4))
         quantities[:, 0] = state.load, state.theta_c, state.x_c, state.y_c, state.s_c, state.lean
         quantities[:, 1:] = (
@@ -56,7 +67,7 @@ def shape_quantities(
 
 @njit
 def _frictionless(q: float, lever: float) -> Floats:
-    """Compute `_CONTACT_ROWS`, load F / EI first: value and gradient by (q, lever, grip)."""
+    """Compute `_CONTACT_ROWS`, load F / EI first: value, gradient by (q, lever, friction ratio)."""
     quantities = np.zeros((len(_CONTACT_ROWS), 4))
     quantities[0, 0], quantities[0, 1] = q, 1.0
     for i, entry in enumerate(contact_at(q, lever)):
@@ -71,7 +82,7 @@ def _contact(quantities: Floats, shape: Floats, flexural_rigidity: float) -> tup
     by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
     for i, row in enumerate(_CONTACT_ROWS):
         contact[row] = quantities[i, 0]
-        for k, column in enumerate((0, 1, _GRIP)):
+        for k, column in enumerate((0, 1, _FRICTION_RATIO)):
             by_shape[row, column] = quantities[i, 1 + k]
     rigidity = flexural_rigidity * (1 + shape[_EI])
     contact[frames.FORCE] *= rigidity

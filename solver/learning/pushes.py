@@ -26,11 +26,11 @@ from solver.instrument.measurement import Measurement
 class BentFrame(NamedTuple):
     """A frame with contact: its measurement with the bow, and its inliers as sorted for the fit.
 
-    `starts` (2, 3) are load, place and grip of a uniform beam and of the frame's own fit, whose
-    prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances, and
-    `correlation` the correlation length of its residuals; `touch` is its contact, `friction_sign`
-    that of its friction ratio at a rigid object, and `neighbours` are the errors that its
-    neighbouring points share.
+    `starts` (2, 3) are load, place and friction ratio of a uniform beam and of the frame's own fit,
+    whose prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances,
+    and `correlation` the correlation length of its residuals; `touch` is its contact,
+    `friction_sign` that of its friction ratio at a rigid object, and `neighbours` are the errors
+    that its neighbouring points share.
     """
 
     measurement: Measurement

@@ -121,8 +121,8 @@ def learn_shape(frames: Sequence[BentFrame], prior: BeamShape) -> LearnedShape |
 def _of_other_objects(stated: Friction, fit: JointFit, misfit: float) -> Friction:
     """Return the friction of other rigid objects, which are alike in part."""
     coefficient, sigma = stated
-    of_mean = fit.grip_sigma * math.sqrt(max(misfit, 1.0))
+    of_mean = fit.friction_ratio_sigma * math.sqrt(max(misfit, 1.0))
     return Friction(
-        max(coefficient + fit.grip, 0.0),
+        max(coefficient + fit.friction_ratio, 0.0),
         math.hypot(of_mean, math.sqrt(1 - SHARED_VARIANCE_FRACTION) * sigma),
     )

@@ -36,10 +36,10 @@ from solver.fitting.gauss_newton import gauss_newton
 from solver.fitting.push_estimate import push_estimate, single_frame
 from solver.fitting.push_frames import BentFrames, bent_frames
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, PUSH, Push
-from solver.fitting.sliding import grip_matrix
+from solver.fitting.sliding import ratio_matrix
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.uniform_estimate import uniform_estimate
-from solver.fitting.unknown_grip import with_unknown_grip
+from solver.fitting.unknown_friction import with_unknown_friction
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import CLAMP_SHIFT
 from solver.instrument.clamp_offset import ClampOffset
@@ -78,13 +78,13 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     bent = bent_frames(measurement)
     if bent is None or len(bent.frames) < 2:
         return single_frame(single, "no earlier frame shows a bend")
-    no_grip = np.zeros((len(bent.frames), 0))
+    no_friction = np.zeros((len(bent.frames), 0))
     offset = _offset(measurement)
     push = Push(
         bent.frames,
         measurement.rig,
         bent.beam,
-        no_grip,
+        no_friction,
         offset=offset.position,
         offset_covariance=offset.covariance,
     )
@@ -98,14 +98,14 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     )
     if friction_sigma:
         push = _sliding(replace(push, friction_sigma=friction_sigma), bent, start, _START_SIGMA)
-        start = np.append(start, np.zeros(push.grip_matrix.shape[1]))
+        start = np.append(start, np.zeros(push.ratio_matrix.shape[1]))
     fit = gauss_newton(push.residuals, start)
     if friction_sigma and not fit.rank_deficient:
         sigma = 2 * np.sqrt(fit.covariance[push.size - 2, push.size - 2])
         again = _sliding(push, bent, fit.parameters, sigma * _unit_stiffness(push, bent))
-        if not np.array_equal(again.grip_matrix, push.grip_matrix):
-            no_grips = np.zeros(again.grip_matrix.shape[1])
-            push, start = again, np.append(fit.parameters[: push.size], no_grips)
+        if not np.array_equal(again.ratio_matrix, push.ratio_matrix):
+            no_ratios = np.zeros(again.ratio_matrix.shape[1])
+            push, start = again, np.append(fit.parameters[: push.size], no_ratios)
             fit = gauss_newton(push.residuals, start)
     if not fit.rank_deficient:
         moved = np.hstack([push.moved_by_shared_errors(fit), push.moved_by_offset(fit)])
@@ -133,14 +133,14 @@ def _sliding(push: Push, bent: BentFrames, parameters: Floats, compliance_sigma:
     softest = max(compliance, 0.0) * _unit_stiffness(push, bent) + compliance_sigma
     if push.rig.shape.rigid_objects:
         softest = 0.0
-    matrix = grip_matrix(
+    matrix = ratio_matrix(
         push.rig.deflects_towards * (onset - push.motor_angles),
         [frame.begins for frame in bent.frames],
         push.encoder_sigma,
         slenderness=push.rig.beam.radius / bent.place,
         softest=softest,
     )
-    return replace(push, grip_matrix=matrix)
+    return replace(push, ratio_matrix=matrix)
 
 
 def _unit_stiffness(push: Push, bent: BentFrames) -> float:
@@ -150,7 +150,7 @@ def _unit_stiffness(push: Push, bent: BentFrames) -> float:
 
 def _rough(measurement: Measurement) -> Estimate:
     """Estimate from the last frame of a uniform beam, whose image may be that of friction."""
-    return with_unknown_grip(uniform_estimate(measurement).estimate, measurement)
+    return with_unknown_friction(uniform_estimate(measurement).estimate, measurement)
 
 
 def _with_friction(measurement: Measurement) -> Measurement:

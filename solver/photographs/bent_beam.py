@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.curve import Curve
-from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, contact_of, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, contact_of, curve_of
 from solver.fitting.rod_residuals import POSE, SOFTNESS, TILT, clamp_moment
 from solver.instrument.arrays import Floats
 
@@ -29,7 +29,7 @@ class Quantity(NamedTuple):
     gradient: Floats
 
 
-class Grip(NamedTuple):
+class FrictionRatio(NamedTuple):
     """Friction ratio that gives the force a direction; its gradient by p and by the direction."""
 
     value: float
@@ -55,7 +55,7 @@ def direction_of(curve: Curve, p: Floats) -> Quantity:
     return Quantity(curve.base[2] + np.pi / 2 + turn.value, gradient)
 
 
-def grip_of(p: Floats, widths: int, direction: float) -> Grip | None:
+def friction_ratio_of(p: Floats, widths: int, direction: float) -> FrictionRatio | None:
     """Find the friction ratio for which the force has a `direction` (Newton's method).
 
     The ratio in p is not used. Return None if no beam has such a force.
@@ -63,18 +63,20 @@ def grip_of(p: Floats, widths: int, direction: float) -> Grip | None:
     k, lean = len(p) - POSE, 0.0
     trial = p.copy()
     for _ in range(_MAX_ITERATIONS):
-        trial[GRIP] = -np.tan(lean)
+        trial[FRICTION_RATIO] = -np.tan(lean)
         curve = curve_of(trial[:k], widths, RADIUS, STEPS)
         if not curve.exists:
             return None
         at = direction_of(curve, trial)
         error = float(at.value) - direction
-        # By the lean, -atan(grip); almost 1 for a small deflection.
-        slope = -at.gradient[GRIP] * (1 + trial[GRIP] ** 2)
+        # By the lean, -atan(friction ratio); almost 1 for a small deflection.
+        slope = -at.gradient[FRICTION_RATIO] * (1 + trial[FRICTION_RATIO] ** 2)
         if abs(error) < _EXACT:
-            gradient = -at.gradient / at.gradient[GRIP]
-            gradient[GRIP] = 0.0
-            return Grip(float(trial[GRIP]), gradient, float(1 / at.gradient[GRIP]))
+            gradient = -at.gradient / at.gradient[FRICTION_RATIO]
+            gradient[FRICTION_RATIO] = 0.0
+            return FrictionRatio(
+                float(trial[FRICTION_RATIO]), gradient, float(1 / at.gradient[FRICTION_RATIO])
+            )
         lean = float(np.clip(lean - error / max(slope, 0.1), -1.4, 1.4))
     return None
 

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, S_C, Q
+from solver.beam_models.rod import FRICTION_RATIO, S_C, Q
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.beam_shape import BOW, FIRST_WIDTH, SOFTNESS
 from solver.photographs.photo_set import PhotoSet, Stated
@@ -95,7 +95,7 @@ def prior_of(photos: PhotoSet, problems: Sequence[PhotoProblem], diagonal: float
             open_[first + Q] = True
             mean[first + S_C], covariance[first + S_C, first + S_C] = _PLACE.value, _PLACE.sigma**2
         if problem.load and problem.load.kind == "push":
-            covariance[first + GRIP, first + GRIP] = shape.ratio_sigma**2
+            covariance[first + FRICTION_RATIO, first + FRICTION_RATIO] = shape.ratio_sigma**2
         covariance[first + OWN_TILT, first + OWN_TILT] = photos.tilt_sigma**2
         open_[first + OWN_VIEW : first + OWN_VIEW + VIEW_A] = True
         for angle in (VIEW_A, VIEW_B):

@@ -18,17 +18,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, Q, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, Q, curve_of
 from solver.fitting.rod_residuals import DX, DY, POSE, SOFTNESS, TILT, rod_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
-from solver.photographs.bent_beam import RADIUS, grip_of, tip_place
+from solver.photographs.bent_beam import RADIUS, friction_ratio_of, tip_place
 from solver.photographs.photo_set import PhotoLoad, Stated
 from solver.photographs.view import PARAMETERS, ROLL, SCALE, U, V, images_of, places_of
 
 # Shared parameters; the widths and the bow follow.
 RIGIDITY, LENGTH, DOWN, FOCAL, K1, SOFT, SHAPE = range(7)
-# Own parameters: Q, S_C and GRIP of the rod, and then the tilt and the view.
+# Own parameters: Q, S_C and FRICTION_RATIO of the rod, and then the tilt and the view.
 OWN_TILT, OWN_VIEW = 3, 4
 VIEW_SIZE: Final = PARAMETERS - 2  # without focal length and k1
 OWN: Final = OWN_VIEW + VIEW_SIZE
@@ -106,13 +106,13 @@ class PhotoProblem:
         if self.weight:
             across = self.side * (self.down + shared[DOWN]) - math.pi / 2
             direction = math.remainder(across, math.tau) + math.pi / 2
-            grip = grip_of(q, self.widths, direction)
-            if grip is None:
+            friction_ratio = friction_ratio_of(q, self.widths, direction)
+            if friction_ratio is None:
                 return None
-            by_p[GRIP] = 0.0
-            by_p[GRIP] = grip.gradient @ by_p
-            by_p[GRIP, DOWN] += grip.by_direction * self.side
-            q[GRIP] = grip.value
+            by_p[FRICTION_RATIO] = 0.0
+            by_p[FRICTION_RATIO] = friction_ratio.gradient @ by_p
+            by_p[FRICTION_RATIO, DOWN] += friction_ratio.by_direction * self.side
+            q[FRICTION_RATIO] = friction_ratio.value
         return Bent(q, by_p)
 
     def rows(self, p: Floats) -> Rows | None:
@@ -198,9 +198,9 @@ class PhotoProblem:
     def force(self, p: Floats, bent: Bent) -> tuple[float, Floats]:
         """Compute the load's force [N] and its gradient (p,)."""
         q, by_p = bent
-        root = math.hypot(1.0, q[GRIP])
+        root = math.hypot(1.0, q[FRICTION_RATIO])
         force = self.nominal_force * math.exp(p[RIGIDITY] - 2 * p[LENGTH]) * q[Q] * root
-        gradient = force / root**2 * q[GRIP] * by_p[GRIP]
+        gradient = force / root**2 * q[FRICTION_RATIO] * by_p[FRICTION_RATIO]
         gradient = gradient + force / max(q[Q], 1e-300) * by_p[Q]
         gradient[RIGIDITY] += force
         gradient[LENGTH] -= 2 * force

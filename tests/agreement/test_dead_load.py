@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import GRIP, S_C, STEPS, Q, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, Q, curve_of
 from solver.fitting.rod_residuals import POSE
-from solver.photographs.bent_beam import RADIUS, contact_place, grip_of, tip_place
+from solver.photographs.bent_beam import RADIUS, contact_place, friction_ratio_of, tip_place
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.loaded import Load, loaded
 from vbaa_bench.mechanics.rod import Rod
@@ -23,15 +23,21 @@ def test_a_dead_load_bends_the_world_s_rod_as_the_antenna_s(
     direction = math.pi / 2 + math.radians(lean_deg)
     p = np.zeros(7 + POSE)
     p[[Q, S_C]], p[3], p[4] = (q, place), taper, bow * length / 2
-    grip = grip_of(p, 1, direction)
-    assert grip is not None
-    p[GRIP] = grip.value
+    friction_ratio = friction_ratio_of(p, 1, direction)
+    assert friction_ratio is not None
+    p[FRICTION_RATIO] = friction_ratio.value
     curve = curve_of(p[:-POSE], 1, RADIUS, STEPS)
     # A beam so thin that a force on its surface acts at its axis.
     thin = type(BEAM)(length, 1e-6 * BEAM.diameter, BEAM.flexural_rigidity)
     world = loaded(
         Rod(thin, tip_ratio=1 + taper, bow=(bow, 0.0)),
-        [Load(place * length, q * BEAM.flexural_rigidity / length**2, friction=(grip.value, 0.0))],
+        [
+            Load(
+                place * length,
+                q * BEAM.flexural_rigidity / length**2,
+                friction=(friction_ratio.value, 0.0),
+            )
+        ],
         np.linspace(0.0, length, 201),
     )
     x, y, _ = world.forces[0]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
+from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
 from solver.fitting.problem import problem_of
 from solver.fitting.rigid_object import friction_sign_of
 from solver.fitting.rod_problem import rod_problem_of
@@ -68,7 +68,11 @@ def directions(case: Case, friction: float) -> tuple[list[int], list[float]]:
         contact, p = state.contact, problem.mean.copy()
         normal = float(contact.force @ contact.normal)
         ratio = float(contact.force @ contact.tangent) / normal
-        p[[Q, S_C, GRIP]] = normal * LENGTH**2 / THICK.flexural_rigidity, contact.s / LENGTH, ratio
+        p[[Q, S_C, FRICTION_RATIO]] = (
+            normal * LENGTH**2 / THICK.flexural_rigidity,
+            contact.s / LENGTH,
+            ratio,
+        )
         p[WIDTHS] = case.tip_ratio - 1
         believed.append(friction_sign_of(problem, p))
         true.append(ratio / friction)

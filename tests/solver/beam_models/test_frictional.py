@@ -12,7 +12,7 @@ from solver.instrument.arrays import Floats
 from tests.oracle import oracle
 
 LEVERS, TURNS = st.floats(0.005, 0.24), st.floats(1e-4, 0.9)  # [m], q lever^2 / 2
-GRIPS = st.floats(-0.8, 0.8)
+RATIOS = st.floats(-0.8, 0.8)
 
 
 def test_equals_the_oracle() -> None:
@@ -20,9 +20,9 @@ def test_equals_the_oracle() -> None:
     inputs = {key: float(value) for key, value in row["inputs"].items()}
     rigidity = inputs["E_Pa"] * math.pi * inputs["d_m"] ** 4 / 64
     q = float(row["N_normal_N"]) / rigidity
-    grip = -inputs["mu_signed"]  # there positive towards the clamp
+    friction_ratio = -inputs["mu_signed"]  # there positive towards the clamp
     lever = float(row["kappa_base_per_m"]) * rigidity / float(row["F_total_N"])
-    at = frictional.contact(q, lever, grip)
+    at = frictional.contact(q, lever, friction_ratio)
     assert at.load * rigidity == pytest.approx(float(row["F_total_N"]), rel=1e-14)
     assert at.theta_c == pytest.approx(inputs["theta_c_rad"], rel=1e-14)
     assert at.x_c == pytest.approx(float(row["x_c_m"]), rel=1e-14)
@@ -31,7 +31,7 @@ def test_equals_the_oracle() -> None:
     direction = at.theta_c + math.pi / 2 + at.lean
     assert direction == pytest.approx(float(row["force_angle_rad"]), rel=1e-14)
     tip_x, tip_y = (np.array([float(row[key])]) for key in ("x_tip_m", "y_tip_m"))
-    misfit, _, _ = frictional.misfit(tip_x, tip_y, q, lever, grip)
+    misfit, _, _ = frictional.misfit(tip_x, tip_y, q, lever, friction_ratio)
     assert abs(misfit[0]) < 1e-15
 
 
@@ -58,10 +58,10 @@ def test_without_friction_it_is_the_compiled_beam(lever: float, turn: float) -> 
         assert (gradient - compiled[row, 1:]) / scale == pytest.approx([0, 0], abs=1e-9)
 
 
-@pytest.mark.parametrize(("q", "lever", "grip"), [(15.0, 0.12, 0.3), (30.0, 0.15, -0.4)])
-def test_it_solves_the_equation_of_the_beam(q: float, lever: float, grip: float) -> None:
+@pytest.mark.parametrize(("q", "lever", "friction_ratio"), [(15.0, 0.12, 0.3), (30.0, 0.15, -0.4)])
+def test_it_solves_the_equation_of_the_beam(q: float, lever: float, friction_ratio: float) -> None:
     # EI theta'' = -F sin(alpha - theta), from the clamp, alpha the force's direction.
-    at = frictional.contact(q, lever, grip)
+    at = frictional.contact(q, lever, friction_ratio)
     alpha = at.theta_c + math.pi / 2 + at.lean
 
     def along(_s: float, state: Floats) -> list[float]:
@@ -73,13 +73,16 @@ def test_it_solves_the_equation_of_the_beam(q: float, lever: float, grip: float)
     assert theta == pytest.approx(at.theta_c, abs=1e-11)
     assert curvature == pytest.approx(0, abs=1e-9)
     assert (x, y) == pytest.approx((at.x_c, at.y_c), abs=1e-12)
-    misfit, _, _ = frictional.misfit(beam.y[2], beam.y[3], q, lever, grip)
+    misfit, _, _ = frictional.misfit(beam.y[2], beam.y[3], q, lever, friction_ratio)
     assert np.abs(misfit).max() < 1e-12
 
 
 def test_friction_at_the_surface_moves_the_contact_towards_the_clamp() -> None:
-    q, lever, grip, radius = 15.0, 0.12, 0.3, 0.4e-3
-    thin, thick = frictional.contact(q, lever, grip), frictional.contact(q, lever, grip, radius)
+    q, lever, friction_ratio, radius = 15.0, 0.12, 0.3, 0.4e-3
+    thin, thick = (
+        frictional.contact(q, lever, friction_ratio),
+        frictional.contact(q, lever, friction_ratio, radius),
+    )
     assert thin.s_c - thick.s_c == pytest.approx(0.12e-3, rel=1e-12)
     # About the contact's surface the force has no moment; about the clamp it has F lever.
     turned = thick.theta_c + thick.lean
@@ -103,10 +106,12 @@ def test_tends_to_linear_theory_with_order_two() -> None:
     assert orders == pytest.approx(2.0, abs=0.02)
 
 
-@given(LEVERS, TURNS, GRIPS)
-def test_gradients_equal_finite_differences(lever: float, turn: float, grip: float) -> None:
-    shape = np.array([2 * turn / lever**2, lever, grip])
-    if not frictional.exists(shape[0] * 1.01, lever * 1.01, grip - 0.01):
+@given(LEVERS, TURNS, RATIOS)
+def test_gradients_equal_finite_differences(
+    lever: float, turn: float, friction_ratio: float
+) -> None:
+    shape = np.array([2 * turn / lever**2, lever, friction_ratio])
+    if not frictional.exists(shape[0] * 1.01, lever * 1.01, friction_ratio - 0.01):
         return
     x, y = np.linspace(0.0, 1.2 * lever, 9), np.linspace(0.0, 0.3 * lever, 9)
 
@@ -135,13 +140,15 @@ def test_gradients_equal_finite_differences(lever: float, turn: float, grip: flo
     assert np.column_stack([by_x, by_y]) == pytest.approx(by_point, rel=1e-4, abs=1e-4)
 
 
-@given(LEVERS, TURNS, GRIPS, st.floats(1e-3, 1e3))
-def test_lengths_scale_together(lever: float, turn: float, grip: float, scale: float) -> None:
+@given(LEVERS, TURNS, RATIOS, st.floats(1e-3, 1e3))
+def test_lengths_scale_together(
+    lever: float, turn: float, friction_ratio: float, scale: float
+) -> None:
     q = 2 * turn / lever**2
-    if not frictional.exists(q, lever, grip):
+    if not frictional.exists(q, lever, friction_ratio):
         return
-    one = frictional.contact(q, lever, grip, 1e-4)
-    other = frictional.contact(q / scale**2, lever * scale, grip, 1e-4 * scale)
+    one = frictional.contact(q, lever, friction_ratio, 1e-4)
+    other = frictional.contact(q / scale**2, lever * scale, friction_ratio, 1e-4 * scale)
     assert other.theta_c == pytest.approx(one.theta_c, rel=1e-12)
     for name in ("x_c", "y_c", "s_c"):
         expected = scale * getattr(one, name)
@@ -155,15 +162,19 @@ def test_a_vanishing_force_is_regular() -> None:
     misfit, _, by_shape = frictional.misfit(np.array([0.1, 0.2]), np.array([0.0, 1e-3]), 0.0, 0.12)
     assert misfit == pytest.approx([0.0, 1e-3])
     assert np.isfinite(by_shape).all()
-    for grip in (0.3, -0.3):
-        straight = frictional.contact(0.0, 0.12, grip)
+    for friction_ratio in (0.3, -0.3):
+        straight = frictional.contact(0.0, 0.12, friction_ratio)
         assert all(np.isfinite(value).all() for value in astuple(straight))
 
 
-@pytest.mark.parametrize("grip", [0.0, 0.3, -0.3])
-def test_gradients_by_the_force_are_continuous_where_their_series_begins(grip: float) -> None:
+@pytest.mark.parametrize("friction_ratio", [0.0, 0.3, -0.3])
+def test_gradients_by_the_force_are_continuous_where_their_series_begins(
+    friction_ratio: float,
+) -> None:
     lever, about = 0.12, 2e-5 / 0.12**2  # q lever^2 / 2 = 1e-5
-    below, above = (frictional.contact(about * (1 + by), lever, grip) for by in (-1e-6, 1e-6))
+    below, above = (
+        frictional.contact(about * (1 + by), lever, friction_ratio) for by in (-1e-6, 1e-6)
+    )
     for name in ("d_x_c", "d_y_c", "d_s_c"):
         one, other = getattr(below, name)[0], getattr(above, name)[0]
         assert one == pytest.approx(other, abs=1e-9 * abs(below.d_y_c[0]))

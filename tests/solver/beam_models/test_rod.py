@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from solver.beam_models import frictional
 from solver.beam_models.curve import P, U, interpolated
-from solver.beam_models.rod import GRIP, STEPS, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, STEPS, WIDTHS, Q, contact_of, curve_of
 from solver.beam_models.rod_stretch import width_at
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
@@ -20,12 +20,14 @@ BOW = np.array([0.02, -0.03, 0.01])
 
 @settings(max_examples=50, deadline=None)
 @given(st.floats(0.1, 0.98), st.floats(1e-4, 0.7), st.floats(-0.6, 0.6))
-def test_a_uniform_beam_is_the_closed_form(lever: float, turn: float, grip: float) -> None:
+def test_a_uniform_beam_is_the_closed_form(
+    lever: float, turn: float, friction_ratio: float
+) -> None:
     q = 2 * turn / lever**2
-    assume(frictional.exists(q, lever, grip))
-    at = frictional.contact(q, lever, grip)
+    assume(frictional.exists(q, lever, friction_ratio))
+    at = frictional.contact(q, lever, friction_ratio)
     assume(0.05 < at.s_c < 1.0 and at.theta_c < 1.2)
-    p = np.array([q, float(at.s_c), grip])
+    p = np.array([q, float(at.s_c), friction_ratio])
     curve = curve_of(p, 0, 0.0, STEPS)
     assert curve.exists
     values, gradients = contact_of(curve, p)
@@ -33,9 +35,9 @@ def test_a_uniform_beam_is_the_closed_form(lever: float, turn: float, grip: floa
     # The error of the integration; a thousandth of a pixel is 2e-6 of the length.
     assert values == pytest.approx(closed, abs=2e-6)
     assert curve.base[0] == pytest.approx(lever, abs=2e-6)
-    # The closed form's variables are (q, lever, grip).
+    # The closed form's variables are (q, lever, friction ratio).
     d_x = at.d_x_c - at.d_x_c[1] * at.d_s_c / at.d_s_c[1]
-    assert gradients[2, [Q, GRIP]] == pytest.approx(d_x[[0, 2]], abs=2e-5)
+    assert gradients[2, [Q, FRICTION_RATIO]] == pytest.approx(d_x[[0, 2]], abs=2e-5)
     assert gradients[2, 1] == pytest.approx(at.d_x_c[1] / at.d_s_c[1], abs=2e-5)
 
 

@@ -6,9 +6,9 @@ import pytest
 from solver.beam_models.curve import SLOPE, P, U, interpolated
 from solver.beam_models.exact import contact_at
 from solver.beam_models.rod import S_C, Q, contact_of, curve_of
-from solver.beam_models.rod_stretch import GRIP, WIDTHS
+from solver.beam_models.rod_stretch import FRICTION_RATIO, WIDTHS
 from solver.beam_models.two_contacts import (
-    GRIP_INNER,
+    FRICTION_RATIO_INNER,
     INNER_PARAMETERS,
     Q_INNER,
     S_INNER,
@@ -30,12 +30,12 @@ def shape(
     s_outer: float,
     q_inner: float,
     s_inner: float,
-    grips: tuple[float, float] = (0.0, 0.0),
+    friction_ratios: tuple[float, float] = (0.0, 0.0),
     beam: tuple[float, ...] = (),
 ) -> Floats:
     p = np.zeros(WIDTHS + len(beam) + INNER_PARAMETERS)
     p[Q], p[S_C], p[Q_INNER], p[S_INNER] = q_outer, s_outer, q_inner, s_inner
-    p[GRIP], p[GRIP_INNER] = grips
+    p[FRICTION_RATIO], p[FRICTION_RATIO_INNER] = friction_ratios
     p[WIDTHS:Q_INNER] = beam
     return p
 
@@ -108,14 +108,14 @@ def test_one_force_alone_is_the_exact_beam() -> None:
 
 
 def test_one_force_alone_bends_the_rod_of_one_contact() -> None:
-    q, s, grip = 3.0, 0.5, 0.3
-    p = np.array([q, s, grip, *BEAM])
+    q, s, friction_ratio = 3.0, 0.5, 0.3
+    p = np.array([q, s, friction_ratio, *BEAM])
     curve = curve_of(p, 1, RADIUS, 64)
     expected, _ = contact_of(curve, p)
-    root = np.hypot(1, grip)
+    root = np.hypot(1, friction_ratio)
     for both, row in (
-        (shape(0.0, 0.9, q, s, (0.2, grip), BEAM), 0),
-        (shape(q, s, 0.0, 0.2, (grip, 0.1), BEAM), 1),
+        (shape(0.0, 0.9, q, s, (0.2, friction_ratio), BEAM), 0),
+        (shape(q, s, 0.0, 0.2, (friction_ratio, 0.1), BEAM), 1),
     ):
         contacts, _ = contacts_of(bent(both, 64), both)
         assert contacts[row] == pytest.approx(expected, abs=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import halfnorm
 
-from solver.beam_models.rod import GRIP, S_C, Q
+from solver.beam_models.rod import FRICTION_RATIO, S_C, Q
 from solver.fitting.problem import problem_of
 from solver.fitting.rigid_object import _growth, friction_sign_of, with_friction_sign
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
@@ -66,23 +66,27 @@ def test_the_prior_is_that_of_the_coefficient() -> None:
     for sign in (-1, 1):
         known = with_friction_sign(problem, sign)
         assert known.friction_sign == sign
-        assert known.mean[GRIP] == pytest.approx(sign * halfnorm.mean(scale=SIGMA))
-        assert 1 / known.information[GRIP, GRIP] == pytest.approx(halfnorm.var(scale=SIGMA))
+        assert known.mean[FRICTION_RATIO] == pytest.approx(sign * halfnorm.mean(scale=SIGMA))
+        assert 1 / known.information[FRICTION_RATIO, FRICTION_RATIO] == pytest.approx(
+            halfnorm.var(scale=SIGMA)
+        )
     held = with_friction_sign(problem, 0)
     assert held.friction_sign == 0
     assert (held.mean == problem.mean).all()
     assert (held.information == problem.information).all()
-    assert problem.information[GRIP, GRIP] == pytest.approx(SIGMA**-2)
+    assert problem.information[FRICTION_RATIO, FRICTION_RATIO] == pytest.approx(SIGMA**-2)
 
 
 def test_without_a_direction_a_learned_coefficient_has_either_sign() -> None:
     learned = replace(STATED, friction_coefficient=0.4)
     problem = problem_with(learned)
-    assert problem.mean[GRIP] == 0
-    assert problem.information[GRIP, GRIP] == pytest.approx(1 / (0.4**2 + SIGMA**2))
+    assert problem.mean[FRICTION_RATIO] == 0
+    assert problem.information[FRICTION_RATIO, FRICTION_RATIO] == pytest.approx(
+        1 / (0.4**2 + SIGMA**2)
+    )
     known = with_friction_sign(problem, -1)
-    assert known.mean[GRIP] == -0.4
-    assert known.information[GRIP, GRIP] == pytest.approx(SIGMA**-2)
+    assert known.mean[FRICTION_RATIO] == -0.4
+    assert known.information[FRICTION_RATIO, FRICTION_RATIO] == pytest.approx(SIGMA**-2)
 
 
 @pytest.mark.parametrize(

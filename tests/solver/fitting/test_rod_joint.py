@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
+from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
 from solver.fitting.problem import problem_of
 from solver.fitting.rigid_object import with_friction_sign
 from solver.fitting.rod_joint import _covariance, _System, _system, fit_jointly
@@ -51,14 +51,15 @@ def test_the_gradient_by_the_mean_friction_is_that_of_the_objective(
     if 0 in directions:
         frames = [with_friction_sign(*one) for one in zip(frames, directions, strict=True)]
     first = frames[0]
-    own = np.array([Q, S_C, GRIP])
+    own = np.array([Q, S_C, FRICTION_RATIO])
     shared = np.array([i for i in first.free if i not in own])
     p = np.tile(first.mean, (len(frames), 1))
     p[:, own] = starts[:, 0]
-    p[:, GRIP] = np.linspace(0.0, 0.1, len(frames))
+    p[:, FRICTION_RATIO] = np.linspace(0.0, 0.1, len(frames))
     step = 1e-3
     behind, at, ahead = (
-        _system(frames, p, grip, own, shared) for grip in (0.05 - step, 0.05, 0.05 + step)
+        _system(frames, p, friction_ratio, own, shared)
+        for friction_ratio in (0.05 - step, 0.05, 0.05 + step)
     )
     assert behind is not None
     assert at is not None

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solver.fitting.sliding import grip_matrix
+from solver.fitting.sliding import ratio_matrix
 from solver.fitting.thresholds import LIMITS
 from tests.solver.methods.pushes import dragged
 
@@ -14,9 +14,9 @@ SIGMA = math.radians(0.01)
 
 
 def of(degrees: list[float], begins: Sequence[int] = (0,), softest: float = 1.0) -> list[float]:
-    """The sign of every frame's sliding; zero where it has a grip of its own."""
+    """The sign of every frame's sliding; zero where it has a friction ratio of its own."""
     firsts = [i in begins for i in range(len(degrees))]
-    made = grip_matrix(np.radians(degrees), firsts, SIGMA, 0.4 / 120, softest)
+    made = ratio_matrix(np.radians(degrees), firsts, SIGMA, 0.4 / 120, softest)
     own = made[:, 1:]
     assert (own.sum(axis=1) == (made[:, 0] == 0)).all()  # one unknown each, and no two the same
     assert (own.sum(axis=0) == 1).all()
@@ -60,8 +60,8 @@ def test_at_first_touch_the_beam_may_slide_either_way() -> None:
 @given(st.lists(st.floats(0.6, 30), min_size=1, max_size=12), st.floats(1, 2))
 def test_only_the_shape_of_the_way_counts(degrees: list[float], scale: float) -> None:
     angles, begins = np.radians(degrees), [True] + [False] * (len(degrees) - 1)
-    small = grip_matrix(angles, begins, SIGMA, 0.0, 0.0)
-    assert (grip_matrix(scale * angles, begins, scale * SIGMA, 0.0, 0.0) == small).all()
+    small = ratio_matrix(angles, begins, SIGMA, 0.0, 0.0)
+    assert (ratio_matrix(scale * angles, begins, scale * SIGMA, 0.0, 0.0) == small).all()
 
 
 @pytest.mark.thorough

@@ -62,10 +62,10 @@ def test_a_beam_that_is_known_to_be_uniform_is_estimated_as_before() -> None:
 def test_unknown_friction_widens_the_sigmas_as_much_as_it_moves_the_estimate(
     random: np.random.Generator,
 ) -> None:
-    grip = 0.3
-    stated = stated_shape(0.0, 0.0, 0.0, friction=grip)
+    friction_ratio = 0.3
+    stated = stated_shape(0.0, 0.0, 0.0, friction=friction_ratio)
     for sign in (-1, 1):
-        beam = bent(0.0, 0.6, 1.2, friction=sign * grip)
+        beam = bent(0.0, 0.6, 1.2, friction=sign * friction_ratio)
         smooth = measured(beam, BeamShape(), random)
         certain = uniform_estimate(smooth).estimate
         honest = exact_fit(measured(beam, stated, random))

@@ -11,7 +11,7 @@ from solver.fitting.push_beam import PushFrame
 from solver.fitting.push_geometry import FirstTouch, Touch, touch
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, Push
 from solver.fitting.push_uniform import UniformBeam, UniformPoints
-from solver.fitting.sliding import grip_matrix
+from solver.fitting.sliding import ratio_matrix
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.fitting.values import shape_quantities
 from solver.instrument.arrays import Floats
@@ -40,9 +40,11 @@ RIGIDITY = BEAM.flexural_rigidity
 THERE_AND_BACK_DEG = (3.0, 6.0, 9.0, 12.0, 11.5, 9.0, 6.0, 3.0)
 
 
-def touched(q: float, lever: float, grip: float, compliance: float, reach: float) -> Touch | None:
+def touched(
+    q: float, lever: float, friction_ratio: float, compliance: float, reach: float
+) -> Touch | None:
     """The push of one shape, of an object at zero."""
-    shape = np.array([[q], [lever], [grip]])
+    shape = np.array([[q], [lever], [friction_ratio]])
     contact = frictional.contact(shape[0], shape[1], shape[2], BEAM.radius)
     first = FirstTouch(0.0, 0.0, 0.0, np.array([[1.0], [0.0], [0.0]]))
     return touch(contact, first, compliance, reach, RIGIDITY)
@@ -75,10 +77,12 @@ def test_the_world_drags_as_the_antenna_believes(compliance: float, radius: floa
     for degrees, (state, _) in zip(THERE_AND_BACK_DEG, states, strict=True):
         contact = state.contact
         force = float(np.linalg.norm(contact.force))
-        grip = float(contact.force @ contact.tangent) / float(contact.force @ contact.normal)
+        friction_ratio = float(contact.force @ contact.tangent) / float(
+            contact.force @ contact.normal
+        )
         lever = -float(state.base_moment[2]) / force
-        q = force / math.hypot(1, grip) / RIGIDITY
-        at = touched(q, lever, grip, compliance, radius + BEAM.radius)
+        q = force / math.hypot(1, friction_ratio) / RIGIDITY
+        at = touched(q, lever, friction_ratio, compliance, radius + BEAM.radius)
         assert at is not None
         # But for how the world follows the way in steps.
         assert at.pushing_angle == pytest.approx(math.radians(degrees), abs=1e-7)
@@ -97,8 +101,8 @@ def test_a_sharp_rigid_edge_agrees_with_the_oracle() -> None:
 
 def test_the_gradients_of_a_push_are_its_derivatives() -> None:
     def pushed(p: Floats) -> Touch | None:
-        q, lever, grip, compliance, reach = (float(value) for value in p)
-        return touched(q, lever, grip, compliance, reach)
+        q, lever, friction_ratio, compliance, reach = (float(value) for value in p)
+        return touched(q, lever, friction_ratio, compliance, reach)
 
     p = np.array([15.0, 0.12, 0.3, 0.05, 3e-3])
     at = pushed(p)
@@ -116,20 +120,20 @@ def test_the_gradients_of_a_push_are_its_derivatives() -> None:
 
 
 @pytest.mark.parametrize("mount", ["antenna", "world"])
-@pytest.mark.parametrize("grip", [0.0, 0.3])
+@pytest.mark.parametrize("friction_ratio", [0.0, 0.3])
 def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(
-    mount: str, grip: float
+    mount: str, friction_ratio: float
 ) -> None:
     measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(5.0,))
     seen = mirrored(measurement)
     if mount == "world":
         seen = replace(seen, motor_angle=None)
     seen = replace(seen, rig=replace(seen.rig, camera_mount=mount))
-    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0, grip])
+    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0, friction_ratio])
 
     def values(p: Floats) -> tuple[Floats, Floats]:
         told, jacobian, _ = shape_quantities(
-            seen, p, psi_fitted=True, clamp_fitted=True, grip_fitted=grip != 0
+            seen, p, psi_fitted=True, clamp_fitted=True, friction_fitted=friction_ratio != 0
         )
         assert len(told) == (19 if mount == "world" else 18)
         return np.array(list(told.values())), jacobian
@@ -588,7 +592,7 @@ def test_the_tension_of_a_single_object_is_chance(
         points = [UniformPoints(problem_of(one, with_tips=False), 1.0) for one in push_frames]
         beam = UniformBeam(tuple(points), last.rig, last.base_covariance)
         pushing = np.radians(angles)
-        matrix = grip_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0, 0.0)
+        matrix = ratio_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0, 0.0)
         if not friction:
             matrix = matrix[:, :0]
         push = Push(frames, last.rig, beam, matrix)

@@ -105,7 +105,7 @@ def test_at_first_a_rigid_object_certainly_drags_the_beam_back(rigid: bool, firs
     push = Push(bent.frames, rig, bent.beam, np.zeros((3, 0)))
     start = np.array([*bent.q, *bent.base, 0.12, ONSET, 0.0, 0.0])
     directed = _sliding(push, bent, start, compliance_sigma=1.0)
-    assert list(directed.grip_matrix[:, 0]) == [first, 1.0, 1.0]
+    assert list(directed.ratio_matrix[:, 0]) == [first, 1.0, 1.0]
 
 
 def test_a_clamp_that_gives_adds_to_the_pushing_angle() -> None:
@@ -138,7 +138,7 @@ def test_a_clamp_that_gives_adds_to_the_pushing_angle() -> None:
 
 
 def cone() -> tuple[RodBeam, Floats]:
-    """A cone on a soft clamp, its frames' parameters q, place, grip (3, 3)."""
+    """A cone on a soft clamp, its frames' parameters q, place, friction ratio (3, 3)."""
     measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(4.0, 8.0, 12.0))
     bent = bent_frames(of(measurement, CONE))
     assert bent is not None

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import GRIP, STEPS, curve_of
+from solver.beam_models.rod import FRICTION_RATIO, STEPS, curve_of
 from solver.fitting.rod_residuals import POSE
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
@@ -14,7 +14,7 @@ from solver.photographs.bent_beam import (
     RADIUS,
     contact_place,
     direction_of,
-    grip_of,
+    friction_ratio_of,
     tip_place,
 )
 from solver.photographs.fit import problems_of
@@ -46,8 +46,12 @@ def one(load: Force | None) -> tuple[PhotoProblem, Floats]:
     own = [0.0, 0.5, 0.0, tilt, *problem.clamp, CAMERA.roll, math.log(scale), *CAMERA.view]
     if load:
         angle = bent(BEAM, load, tilt, np.array([LENGTH])).at_load[2]
-        grip = load.friction if load.kind == "push" else math.tan(angle)
-        own[:3] = load.size * LENGTH**2 / EI / math.hypot(1.0, grip), load.at / LENGTH, grip
+        friction_ratio = load.friction if load.kind == "push" else math.tan(angle)
+        own[:3] = (
+            load.size * LENGTH**2 / EI / math.hypot(1.0, friction_ratio),
+            load.at / LENGTH,
+            friction_ratio,
+        )
     return problem, np.array([*shared, *own])
 
 
@@ -108,28 +112,31 @@ def test_a_step_keeps_the_images_of_clamp_and_tip() -> None:
 def test_a_dead_load_keeps_its_direction(load: float, side: int) -> None:
     p = np.array([load, 0.7, 0.0, -0.1, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.03 * side, 0.02])
     direction = math.pi / 2 + 0.1
-    grip = grip_of(p, 1, direction)
-    assert grip is not None
-    p[GRIP] = grip.value
+    friction_ratio = friction_ratio_of(p, 1, direction)
+    assert friction_ratio is not None
+    p[FRICTION_RATIO] = friction_ratio.value
     curve = curve_of(p[:-POSE], 1, RADIUS, STEPS)
     assert direction_of(curve, p).value == pytest.approx(direction, abs=1e-12)
     for i in range(len(p)):
         step = np.zeros(len(p))
         step[i] = 1e-5
-        ahead, behind = grip_of(p + step, 1, direction), grip_of(p - step, 1, direction)
+        ahead, behind = (
+            friction_ratio_of(p + step, 1, direction),
+            friction_ratio_of(p - step, 1, direction),
+        )
         assert ahead
         assert behind
         difference = (ahead.value - behind.value) / 2e-5
-        assert grip.gradient[i] == pytest.approx(difference, rel=1e-6, abs=1e-6)
+        assert friction_ratio.gradient[i] == pytest.approx(difference, rel=1e-6, abs=1e-6)
 
 
 def test_a_light_weight_bends_a_beam_as_linear_theory_says() -> None:
     """Deflection under the load F a^3 / (3 EI), and of the tip F a^2 (3 L - a) / (6 EI)."""
     load, at = 1e-3, 0.6
     p = np.array([load, at, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    grip = grip_of(p, 0, math.pi / 2)
-    assert grip is not None
-    p[GRIP] = grip.value
+    friction_ratio = friction_ratio_of(p, 0, math.pi / 2)
+    assert friction_ratio is not None
+    p[FRICTION_RATIO] = friction_ratio.value
     curve = curve_of(p[:-POSE], 0, RADIUS, STEPS)
     assert contact_place(curve, p).value == pytest.approx([at, load * at**3 / 3], rel=1e-5)
     tip = load * at**2 * (3 - at) / 6

@@ -19,17 +19,17 @@ from solver.instrument.measurement import Measurement
 from solver.planes.plane_d import known_plane
 
 
-def force_variance_second_order(force: float, grip: float, sigma: float) -> float:
+def force_variance_second_order(force: float, friction_ratio: float, sigma: float) -> float:
     """Compute the second-order variance [N^2] of the force's magnitude due to friction.
 
-    `grip` is the friction ratio. The magnitude is the component across the beam times
-    sqrt(1 + grip^2), whose slope is zero at zero grip. The result is the mean square of the
-    second-order term, for a normally distributed friction ratio with this `sigma`.
+    `friction_ratio` is the friction ratio. The magnitude is the component across the beam times
+    sqrt(1 + friction ratio^2), whose slope is zero at zero friction ratio. The result is the mean
+    square of the second-order term, for a normally distributed friction ratio with this `sigma`.
     """
-    return 3 * (force * sigma**2 / (1 + grip**2) ** 2 / 2) ** 2
+    return 3 * (force * sigma**2 / (1 + friction_ratio**2) ** 2 / 2) ** 2
 
 
-def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
+def with_unknown_friction(alone: Estimate, measurement: Measurement) -> Estimate:
     """Add the uncertainty due to unknown friction to the `uniform_estimate` `alone`."""
     plane = known_plane(measurement)
     if isinstance(plane, Estimate):
@@ -43,7 +43,7 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     length = measurement.rig.beam.length
     p = fit.p[[Q, LEVER, DX, DY, TILT]] * [length**-2, length, length, length, 1.0]
     points = UniformPoints(without(problem, fit.kept), fit.variance_inflation)
-    rows = points.rows(p[:2], p[2:], length, grip=0.0)
+    rows = points.rows(p[:2], p[2:], length, friction_ratio=0.0)
     if rows is None:
         return alone
     base_rows = np.linalg.inv(np.linalg.cholesky(planar.base_covariance))
@@ -56,8 +56,12 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     columns = [column[name] for name in ("q", "lever", "dx", "dy", "tilt")]
     shape[columns], shape[column["psi"]] = p, psi
     shape[column["motor_angle"]] = measurement.motor_angle or 0.0
-    values, by_shape, _ = shape_quantities(measurement, shape, clamp_fitted=True, grip_fitted=True)
-    change = FRICTION_PRIOR_SIGMA * (by_shape[:, columns] @ response + by_shape[:, column["grip"]])
+    values, by_shape, _ = shape_quantities(
+        measurement, shape, clamp_fitted=True, friction_fitted=True
+    )
+    change = FRICTION_PRIOR_SIGMA * (
+        by_shape[:, columns] @ response + by_shape[:, column["friction_ratio"]]
+    )
     covariance = alone.covariance + np.outer(change, change)
     force = list(values).index("force_n")
     covariance[force, force] += force_variance_second_order(
