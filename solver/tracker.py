@@ -3,6 +3,7 @@
 import time
 import traceback
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,13 +65,12 @@ class PushTracker:
         line, measurement, trace = None, None, ""
         start, processor_start = time.perf_counter(), time.process_time()
         try:
-            line = extract_centreline(self._antenna, image)
-            refusal = reject_moved_camera(self._antenna, image)
-            if refusal is None:
+            line, moved = extract(self._antenna, image)
+            if moved is None:
                 measurement = to_measurement(self._antenna, line, readings, self._push)
                 estimate = _estimate(self._method, measurement, line.remark)
             else:
-                estimate = refusal
+                estimate = moved
         except InputError as error:
             estimate = Estimate(Outcome.INVALID, str(error))
         except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
@@ -126,7 +126,19 @@ class PushTracker:
         self._push.append(replace(measurement, earlier=()))
 
 
+class Extracted(NamedTuple):
+    """The beam's centreline in an image; `moved` refuses an image of a camera that has moved."""
+
+    line: Centreline
+    moved: Estimate | None
+
+
 def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
+    """Extract the beam's centreline, as `extract` does, whether or not the camera has moved."""
+    return extract(antenna, image).line
+
+
+def extract(antenna: Antenna, image: Grey) -> Extracted:
     """Extract the beam's centreline from a gray image (height, width).
 
     Raises InputError if the image is not of the calibrated camera's size and kind.
@@ -144,10 +156,18 @@ def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
         )
     scaled = _plain(antenna.scale(image))
     line, sigma = antenna.extract(scaled), antenna.rig.tolerances.camera_shift_px
-    if not sigma:
-        return line
-    shift = image_shift(antenna.at_rest.landmarks.shift_of(scaled), sigma)
-    return replace(line, shift=shift.shift, shift_covariance=shift.covariance)
+    measured = antenna.at_rest.landmarks.shift_of(scaled)
+    if sigma:
+        shift = image_shift(measured, sigma)
+        line = replace(line, shift=shift.shift, shift_covariance=shift.covariance)
+    if measured is None or not measured.exceeds(sigma):
+        return Extracted(line, None)
+    message = (
+        f"the image has shifted by {measured.du:.2f} px along its rows and {measured.dv:.2f} px "
+        "down since the rest images: record new ones"
+    )
+    moved = Estimate(Outcome.CAMERA_MOVED, message, assumption=Assumption.CAMERA_AT_REST)
+    return Extracted(line, moved)
 
 
 def _is_unusable(estimate: Estimate) -> bool:
@@ -161,19 +181,6 @@ def _plain(image: Grey) -> Grey:
     Compiled code would be compiled once more for each: 4 s.
     """
     return np.require(image, requirements=("C", "W"))
-
-
-def reject_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
-    """Reject an image (height, width) whose landmarks have moved since the rest images."""
-    shift = antenna.at_rest.landmarks.shift_of(_plain(antenna.scale(image)))
-    if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):
-        return None
-    return Estimate(
-        Outcome.CAMERA_MOVED,
-        f"the image has shifted by {shift.du:.2f} px along its rows and {shift.dv:.2f} px down "
-        "since the rest images: record new ones",
-        assumption=Assumption.CAMERA_AT_REST,
-    )
 
 
 def run_method(method: Method, measurement: Measurement, remark: str = "") -> Estimate:

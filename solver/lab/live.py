@@ -23,7 +23,6 @@ from solver.tracker import (
     FrameSolution,
     PushTracker,
     extract_centreline,
-    reject_moved_camera,
     run_method,
 )
 
@@ -88,7 +87,6 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     are rejected. Points whose neighbours err alike need the fit of another beam.
     """
     extract_centreline(antenna, np.full_like(rest_image, np.median(rest_image)))
-    reject_moved_camera(antenna, rest_image)
     at_rest = to_measurement(antenna, extract_centreline(antenna, rest_image))
     view = at_rest.view
     bent = touched_in_the_middle(view.points, at_rest.rig.beam.length)

@@ -10,7 +10,7 @@ from solver.instrument.measurement import Measurement
 from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.learn import LearnedBeam, learn_beam
 from solver.to_measurement import to_measurement
-from solver.tracker import extract_centreline, reject_moved_camera
+from solver.tracker import extract
 
 
 def frames_to_learn(frames: Sequence[ImageFrame]) -> list[ImageFrame]:
@@ -60,11 +60,10 @@ def with_learned(antenna: Antenna, beam: LearnedBeam) -> Antenna:
 
 def measured(antenna: Antenna, frame: ImageFrame) -> Measurement:
     """Measure the beam in a frame's image. Raises InputError if the image cannot be used."""
-    image = frame.image()
-    moved = reject_moved_camera(antenna, image)
+    line, moved = extract(antenna, frame.image())
     if moved is not None:
         raise InputError(moved.message)
-    return to_measurement(antenna, extract_centreline(antenna, image), frame.readings)
+    return to_measurement(antenna, line, frame.readings)
 
 
 def measurement_of(antenna: Antenna, frame: ImageFrame) -> Measurement | None:
