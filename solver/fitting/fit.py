@@ -44,7 +44,7 @@ def start_of(problem: Problem, psi: float) -> Floats | None:
 def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
     """Fit from a start, robustly if the residuals require it."""
     p = start.copy()
-    covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(5)
+    covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(4)
     sorted_inliers = np.ones(problem.points, dtype=np.bool_)
     free = problem.all_free if psi_free else problem.shape_free
     work = workspace(problem.points)

@@ -35,7 +35,7 @@ from solver.instrument.compiled import interpreted, njit
 _WIDE_ITERATIONS, _FINAL_ITERATIONS = np.int64(10), np.int64(40)
 _PLANAR, _WEIGHTED = np.bool_(False), np.bool_(True)
 # Entries of `summary`.
-STATUS, CHI2, KEPT, ITERATIONS, WIDENING = range(5)
+STATUS, CHI2, ITERATIONS, WIDENING = range(4)
 
 
 @interpreted
@@ -91,9 +91,9 @@ def fit_robust(
 ) -> None:
     """Fit from the start p, robustly if the residuals require it.
 
-    Writes `covariance` (8, 8), `inliers` (n,), which points have a weight, and `summary` (5,):
-    status, chi2 of the inliers and the constraints, number of inliers, iterations, and the variance
-    inflation, by which the covariance is not yet multiplied.
+    Writes `covariance` (8, 8), `inliers` (n,), which points have a weight, and `summary` (4,):
+    status, chi2 of the inliers and the constraints, iterations, and the variance inflation, by
+    which the covariance is not yet multiplied.
     """
     points, bounds, views, _, _, _ = problem
     residual = work[0][: bounds[-1] - bounds[0]]
@@ -123,7 +123,6 @@ def fit_robust(
         chi2 = _mark_inliers(p, problem, free, cut, work, covariance, inliers)
         residual = residual[inliers]
     summary[STATUS], summary[CHI2], summary[ITERATIONS] = status, chi2, iterations
-    summary[KEPT] = len(residual)
     summary[WIDENING] = variance_inflation(residual, chi2)
 
 

@@ -11,13 +11,11 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from solver.antenna import Antenna
-from solver.fitting.batch import exact_fit_batch
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate
 from solver.instrument.image_frame import ImageFrame
@@ -29,24 +27,6 @@ from solver.set_up import set_up
 from solver.tracker import PushTracker
 
 Record = dict[str, Any]
-# Takes measurements and returns a function that solves them all at once.
-Batch = Callable[[Sequence[Measurement]], Callable[[], object]]
-
-
-def _prepare_exact_fit(measurements: Sequence[Measurement]) -> Callable[[], object]:
-    counts = [len(measurement.points) for measurement in measurements]
-    return partial(
-        exact_fit_batch,
-        np.vstack([measurement.points for measurement in measurements]),
-        np.vstack([measurement.sigma_vectors for measurement in measurements]),
-        np.cumsum([0, *counts]),
-        measurements[0].base_covariance,
-        measurements[0].rig.beam,
-    )
-
-
-# Methods that can solve many frames in one call.
-BATCHES: Final[dict[str, Batch]] = {"exact_fit": _prepare_exact_fit}
 
 
 def measure(observations: Path, methods: Sequence[str], most_frames: int, repeats: int) -> Record:
@@ -54,8 +34,7 @@ def measure(observations: Path, methods: Sequence[str], most_frames: int, repeat
 
     All methods take turns, `repeats` times after one warm-up round, so that a slowdown of the
     machine affects all. A frame's time is the median over the repeats, a method's time the median
-    over the frames. The methods of BATCHES solve the points of all frames at once, too.
-    `predictions` is a method's table of estimates, as CSV.
+    over the frames. `predictions` is a method's table of estimates, as CSV.
     """
     opened = open_observations(observations)
     frames = chosen(opened.frames, most_frames)
@@ -67,7 +46,7 @@ def measure(observations: Path, methods: Sequence[str], most_frames: int, repeat
     start = time.perf_counter()
     antenna = set_up(opened)
     set_up_s = time.perf_counter() - start
-    runs = {name: Run(METHODS[name], BATCHES.get(name), antenna, len(frames)) for name in methods}
+    runs = {name: Run(METHODS[name], antenna, len(frames)) for name in methods}
     for _ in range(1 + repeats):
         for run in runs.values():
             run.once(frames, images)
@@ -142,36 +121,30 @@ class _TimedMethod:
 class Run:
     """Rounds of one method over the same frames; the first round is a warm-up."""
 
-    def __init__(self, method: Method, batch: Batch | None, antenna: Antenna, frames: int) -> None:
+    def __init__(self, method: Method, antenna: Antenna, frames: int) -> None:
         self._method, self._antenna = method, antenna
         self._estimates: list[Estimate] = []
         self._images: list[Floats] = []
         self._in_method: list[Floats] = []
         self._points: list[Floats] = []
-        self._batches: list[float] = []
         self._frames = frames
-        self._batch = batch
 
     def once(self, frames: Sequence[ImageFrame], images: Sequence[Grey]) -> None:
         """Solve every frame once from its image, and once from its points."""
         timed = _TimedMethod(self._method)
         tracker = PushTracker(self._antenna, timed)
         from_image, in_method, from_points = (np.full(self._frames, np.nan) for _ in range(3))
-        self._estimates, measurements = [], list[Measurement]()
+        self._estimates = []
         for i, (frame, pixels) in enumerate(zip(frames, images, strict=True)):
             timed.reset()
             solved = tracker.solve(pixels, frame.readings, frame.push_id)
             from_image[i], in_method[i] = solved.seconds, timed.seconds
             if timed.measurement is not None:
                 from_points[i] = _seconds(partial(self._method, timed.measurement))
-                measurements.append(timed.measurement)
             self._estimates.append(solved.estimate)
         self._images.append(from_image)
         self._in_method.append(in_method)
         self._points.append(from_points)
-        if self._batch is not None and measurements:
-            elapsed = _seconds(self._batch(measurements))
-            self._batches.append(elapsed / len(measurements))
 
     @property
     def image_s(self) -> Floats:
@@ -194,7 +167,6 @@ class Run:
             "image_ms_per_frame": 1e3 * float(np.median(self.image_s)),
             "image_ms_p95": 1e3 * float(np.quantile(self.image_s, 0.95)),
             "points_us_per_frame": _microseconds(from_points),
-            "points_us_per_frame_batched": _microseconds(self._batches[1:]),
             "predictions": csv_text(rows),
         }
 
@@ -204,9 +176,9 @@ def _typical(rounds: Sequence[Floats]) -> Floats:
     return np.asarray(np.median(rounds[1:] or rounds, axis=0))
 
 
-def _microseconds(seconds: npt.ArrayLike) -> float | None:
+def _microseconds(seconds: Floats) -> float | None:
     """Compute the median of the finite times in microseconds; return None if there are none."""
-    finite = np.asarray(seconds)[np.isfinite(seconds)]
+    finite = seconds[np.isfinite(seconds)]
     return 1e6 * float(np.median(finite)) if len(finite) else None
 
 

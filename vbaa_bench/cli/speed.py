@@ -59,13 +59,12 @@ def show_speeds(record: dict[str, Any]) -> None:
         f"decoding {record['decode_ms_per_frame']:.2g} ms per frame, "
         f"calibration {record['set_up_s']:.2g} s"
     )
-    heads = ("method", "ms/image", "us/points", "us batched", "x_c, % of L", "force, %", "start, s")
+    heads = ("method", "ms/image", "us/points", "x_c, % of L", "force, %", "start, s")
     rows = []
     for name, values in record["methods"].items():
         numbers = (
             values["image_ms_per_frame"],
             values["points_us_per_frame"],
-            values["points_us_per_frame_batched"],
             values["x_c_rmse_pct_L"],
             values["force_rmse_pct"],
             values["cold_start"]["total_s"],

@@ -3,7 +3,7 @@
 import json
 import math
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from solver.methods import METHODS
 from vbaa_bench import cli
 from vbaa_bench.api import results as api
 from vbaa_bench.benchmarks.speed import measure_apart, with_errors
-from vbaa_bench.benchmarks.speed_process import BATCHES, chosen, measure
+from vbaa_bench.benchmarks.speed_process import chosen, measure
 from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.isolation.runs import Job, MethodRun
@@ -37,16 +37,11 @@ def always_there(measurement: Measurement) -> Estimate:
     return Estimate(Outcome.CONTACT, values={"x_c_m": measurement.rig.beam.length / 2})
 
 
-def prepared(measurements: Sequence[Measurement]) -> Callable[[], object]:
-    return lambda: [always_there(one) for one in measurements]
-
-
 @pytest.fixture
 def methods(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     mine = {f.__name__: f for f in (needs_a_sensor, fails, always_there)}
     for name, method in mine.items():
         monkeypatch.setitem(METHODS, name, method)
-    monkeypatch.setitem(BATCHES, "always_there", prepared)
     return list(mine)
 
 
@@ -68,10 +63,8 @@ def test_every_method_has_its_times_and_its_error(dataset: Path, methods: list[s
     errors = (120 - truth.frames["x_c_mm"].to_numpy()) / 2.4
     assert there["x_c_rmse_pct_L"] == pytest.approx(np.sqrt(np.mean(errors**2)))
     assert there["points_us_per_frame"] > 0
-    assert 0 < there["points_us_per_frame_batched"] < math.inf
     assert found["needs_a_sensor"]["outcomes"] == {"invalid": 4}
     assert found["needs_a_sensor"]["x_c_rmse_pct_L"] is None
-    assert found["needs_a_sensor"]["points_us_per_frame_batched"] is None
     assert found["fails"]["outcomes"] == {"crashed": 4}
     assert found["fails"]["points_us_per_frame"] is None
     json.dumps(record, allow_nan=False)
@@ -107,8 +100,7 @@ def test_the_command_says_what_the_issue_of_speed_asks(dataset: Path) -> None:
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
     (found,) = record["methods"].values()
-    times = ("image_ms_per_frame", "points_us_per_frame", "points_us_per_frame_batched")
-    for key in (*times, "x_c_rmse_pct_L"):
+    for key in ("image_ms_per_frame", "points_us_per_frame", "x_c_rmse_pct_L"):
         assert 0 < found[key] < math.inf
     assert found["x_c_rmse_pct_L"] < 0.3
     cold = found["cold_start"]
