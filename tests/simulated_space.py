@@ -17,8 +17,6 @@ from vbaa_bench.mechanics.state import State
 PIXEL = 0.51e-3  # on plane C [m]
 ABOVE_MIDDLE = np.array([0.12, 0.0, 0.36, 1.0])
 BEHIND = np.array([-0.12, 0.0, 0.36, 1.0])
-# A camera beside the beam, or a mirror that shows it from there.
-BESIDE = np.array([0.12, 0.3, 0.2, 1.0])
 
 
 @cache
@@ -59,17 +57,16 @@ def view(
 
 def measured(
     seen: View,
-    *other_views: View,
+    *,
     moment: tuple[float, float] | None = None,
     base_sigma: float = 1e-9,
 ) -> Measurement:
-    """A measurement of these views; `moment` is the sensor's reading and sigma [N m]."""
+    """A measurement of this view; `moment` is the sensor's reading and sigma [N m]."""
     nominal = rig()
     if moment is not None:
         nominal = replace(nominal, sensors=Sensors(moment_y=moment[1]))
     return Measurement(
         view=seen,
-        other_views=other_views,
         base_covariance=np.diag([base_sigma, base_sigma, 10 * base_sigma]) ** 2,
         scale_sigma=0.0,
         motor_angle=0.0,

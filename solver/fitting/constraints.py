@@ -20,26 +20,20 @@ from solver.fitting.residuals import (
     STRETCH,
     STRETCH_SIGMA,
     TILT,
+    FrameArrays,
     Q,
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-# Columns of a tip: its image on C, the rows of the matrix that whitens its error, its view index.
-TIP_COLUMNS = 7
+# Columns of a tip: its image on C, the rows of the matrix that whitens its error.
+TIP_COLUMNS = 6
 
 
 @njit
-def add_constraints(
-    p: Floats,
-    views: Floats,
-    tips: Floats,
-    known: Floats,
-    base_whitening: Floats,
-    normal: Floats,
-    gradient: Floats,
-) -> float:
+def add_constraints(p: Floats, problem: FrameArrays, normal: Floats, gradient: Floats) -> float:
     """Add all constraints to J^T J (8, 8) and J^T r (8,); return their sum of squared residuals."""
+    _, view, tips, known, base_whitening = problem
     chi2 = 0.0
     for whitener in base_whitening:
         value = whitener[0] * p[DX] + whitener[1] * p[DY] + whitener[2] * p[TILT]
@@ -66,7 +60,7 @@ def add_constraints(
         row[STRETCH] = 1 / known[STRETCH_SIGMA]
         chi2 += _add(row, p[STRETCH] * row[STRETCH], normal, gradient)
         for tip in tips:
-            chi2 += _add_tip(p, tip, views[int(tip[6])], normal, gradient)
+            chi2 += _add_tip(p, tip, view, normal, gradient)
     return chi2
 
 

@@ -76,9 +76,9 @@ def _moved_by(
     Least squares with gain G moves by G e where all points move by e: the covariance of an
     estimator that does not know of the errors, which is larger than the best one's.
     """
-    points, bounds, views, *_ = problem.arrays
+    points, view = problem.arrays.points, problem.arrays.viewpoint
     rows = np.zeros((TILT + 2, problem.points))
-    point_residuals(p, points, bounds, views, _PLANAR, rows[-1], rows[:-1])
+    point_residuals(p, points, view, _PLANAR, rows[-1], rows[:-1])
     # A shift along the sigma vector adds to the residual as much as it is, in sigmas.
     by_parameter = rows[:-1, inliers] @ problem.shared_errors[inliers]
     return np.asarray(covariance[:, : TILT + 1] / inflation @ by_parameter)

@@ -61,7 +61,7 @@ def refusal_of(
 
 def _failed(problem: Problem, message: str = "") -> Estimate:
     """Return the outcome of a fit without a minimum; a short stretch need not have one."""
-    visible = float(np.hypot(*problem.arrays[0][:2]).max())
+    visible = float(np.hypot(*problem.arrays.points[:2]).max())
     if visible < LIMITS.short_stretch:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"only the first {100 * visible:.0f} % of the beam is visible"
@@ -79,10 +79,9 @@ def estimate_from_fit(
     psi_fitted: bool = False,
 ) -> Estimate:
     """Convert a converged fit with its values, and their covariance, to an estimate."""
-    arrays = problem.arrays
     has_moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
     count = int(np.count_nonzero(fit.kept))
-    measurements = count + 2 * len(arrays[3]) + int(has_moment)
+    measurements = count + 2 * len(problem.arrays.tips) + int(has_moment)
     dof = max(measurements - 2 - int(psi_fitted), 1)
 
     def failure(outcome: Outcome, message: str = "") -> Estimate:

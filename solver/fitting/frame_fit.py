@@ -1,7 +1,6 @@
 """Fit the exact beam to one frame in compiled code: start, least squares, outlier rejection.
 
-A `problem` is (points, bounds, views, tips, known, base_whitening) in units of the beam's length,
-as defined in `residuals` and `constraints`. Plain least squares comes first; its result is kept if
+A `problem` is a `FrameArrays`. Plain least squares comes first; its result is kept if
 the residuals look like noise, so that robustness costs nothing in a clean frame. Otherwise Tukey's
 weights with the stated sigmas are used, from two starts: the plain fit, and the best of many
 exact beams through a few points each (MSAC; Torr and Zisserman 2000), which is robust to outliers
@@ -95,8 +94,8 @@ def fit_robust(
     status, chi2 of the inliers and the constraints, iterations, and the variance inflation, by
     which the covariance is not yet multiplied.
     """
-    points, bounds, views, _, _, _ = problem
-    residual = work[0][: bounds[-1] - bounds[0]]
+    points, view = problem.points, problem.viewpoint
+    residual = work[0][: points.shape[1]]
     status, chi2, iterations = minimise(
         p, problem, free, np.inf, _FINAL_ITERATIONS, work, covariance
     )
@@ -112,7 +111,7 @@ def fit_robust(
             status, iterations = _minimise_both(
                 p, second_start, problem, free, cut, work, covariance
             )
-            point_residuals(p, points, bounds, views, _PLANAR, residual, work[1])
+            point_residuals(p, points, view, _PLANAR, residual, work[1])
             inflation = scale(residual, LIMITS.max_scale)
             if inflation > LIMITS.min_scale:
                 cut = LIMITS.tukey_cut * inflation
@@ -133,7 +132,6 @@ def _mark_inliers(
     """Mark the points with a weight at p, compute the covariance by Tukey's efficiency and chi2."""
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     linearise(p, problem, free, cut, work, normal, gradient)
-    _, _, views, tips, known, base_whitening = problem
     residual, _, weight, _ = work
     chi2 = 0.0
     for i in range(len(inliers)):
@@ -141,7 +139,7 @@ def _mark_inliers(
         weight[i] = 1.0 if inliers[i] else 0.0
         chi2 += weight[i] * residual[i] ** 2
     assemble(len(inliers), free, _WEIGHTED, work, normal, gradient)
-    chi2 += add_constraints(p, views, tips, known, base_whitening, normal, gradient)
+    chi2 += add_constraints(p, problem, normal, gradient)
     if invert(normal, free, covariance):
         covariance *= VARIANCE_FACTOR
     return chi2

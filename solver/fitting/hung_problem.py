@@ -70,7 +70,7 @@ class HungProblem(RodProblem):
         friction_ratio = self._with_friction_ratio(p)
         exists = friction_ratio is not None and bool(
             rod_residuals(
-                friction_ratio.p, self.points, self.bounds, self.views, self.widths, self.radius,
+                friction_ratio.p, self.points, self.view, self.widths, self.radius,
                 residual, jacobian,
             )
         )  # fmt: skip

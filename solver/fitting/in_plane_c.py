@@ -34,9 +34,9 @@ from solver.instrument.dot_products import FAST
 
 @njit
 def plane_equations(
-    p: Floats, points: Floats, bounds: Any, residual: Floats, normal: Floats, gradient: Floats
+    p: Floats, points: Floats, residual: Floats, normal: Floats, gradient: Floats
 ) -> float:
-    """Compute J^T J (8, 8), J^T r (8,), r (n,) of all views' points; return the sum of squares.
+    """Compute J^T J (8, 8), J^T r (8,), r (n,) of the points; return the sum of squares.
 
     They equal those of `point_residuals` for psi zero and held: its row and column stay zero.
     """
@@ -47,9 +47,7 @@ def plane_equations(
     theta_q, theta_lever = lever * lever / 2 / cosine, q * lever / cosine
     cos_tilt, sin_tilt = np.cos(p[TILT]), np.sin(p[TILT])
     c, s = cos_tilt * cosine - sin_tilt * sine, sin_tilt * cosine + cos_tilt * sine
-    views = slice(bounds[0], bounds[-1])
-    mx, my = points[X, views], points[Y, views]
-    sx, sy = points[SIGMA_X, views], points[SIGMA_Y, views]
+    mx, my, sx, sy = points[X], points[Y], points[SIGMA_X], points[SIGMA_Y]
     if is_gentle(p):
         chi2, by_residual, products = _sums(
             p, base, c, s, mx, my, sx, sy, BEND_GENTLE, GENTLE, residual

@@ -50,18 +50,18 @@ def linearise(
     `work` is residual (n,), Jacobian (6, n), weight (n,) and scratch (n,) of the points, or longer;
     a plain fit in plane C uses only the residual.
     """
-    points, bounds, views, tips, known, base_whitening = problem
+    points, view = problem.points, problem.viewpoint
     residual, jacobian, weight, _ = work
-    n = bounds[-1] - bounds[0]
+    n = points.shape[1]
     residual, weight = residual[:n], weight[:n]
     spatial, robust = PSI in free, cut < np.inf
     if p[PSI] == 0 and not spatial and not robust:
-        chi2 = plane_equations(p, points, bounds, residual, normal, gradient)
+        chi2 = plane_equations(p, points, residual, normal, gradient)
     else:
-        point_residuals(p, points, bounds, views, spatial, residual, jacobian)
+        point_residuals(p, points, view, spatial, residual, jacobian)
         chi2 = tukey(residual, cut, weight) if robust else dot(residual, residual)
         assemble(n, free, robust, work, normal, gradient)
-    return chi2 + add_constraints(p, views, tips, known, base_whitening, normal, gradient)
+    return chi2 + add_constraints(p, problem, normal, gradient)
 
 
 @njit
@@ -112,7 +112,7 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
 
 
 @njit
-def _take_step(p: Floats, step: Floats, fraction: float, views: Floats, target: Floats) -> None:
+def _take_step(p: Floats, step: Floats, fraction: float, view: Floats, target: Floats) -> None:
     """Write p plus a fraction of the step to `target`.
 
     An image determines q cos(psi) - q (y_v / z_v) sin(psi) well and psi badly. If psi changes, the
@@ -122,7 +122,7 @@ def _take_step(p: Floats, step: Floats, fraction: float, views: Floats, target: 
     for a in range(PARAMETERS):
         target[a] = p[a] + fraction * step[a]
     if step[PSI] != 0:
-        ray = views[0, 1]
+        ray = view[1]
         factor = np.cos(p[PSI]) - ray * np.sin(p[PSI])
         target_factor = np.cos(target[PSI]) - ray * np.sin(target[PSI])
         slope = -np.sin(p[PSI]) - ray * np.cos(p[PSI])
@@ -146,7 +146,7 @@ def minimise(
     The residual in `work` (see `linearise`) is evaluated within a third of a sigma of the minimum,
     and `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be feasible (`is_feasible`).
     """
-    points, bounds, views, _, _, _ = problem
+    points, view = problem.points, problem.viewpoint
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     step, trial = np.zeros(PARAMETERS), np.empty(PARAMETERS)
     chi2 = linearise(p, problem, free, cut, work, normal, gradient)
@@ -172,14 +172,14 @@ def minimise(
         )
         previous_length = length if fraction == 1.0 else 0.0
         if fraction == 1.0 and last:
-            _take_step(p, step, fraction, views, trial)
-            if is_feasible(trial, points, bounds, views):
+            _take_step(p, step, fraction, view, trial)
+            if is_feasible(trial, points, view):
                 copy_into(p, trial)
             return CONVERGED, chi2 - length2, iteration
         accepted = False
         for _ in range(10):
-            _take_step(p, step, fraction, views, trial)
-            if is_feasible(trial, points, bounds, views):
+            _take_step(p, step, fraction, view, trial)
+            if is_feasible(trial, points, view):
                 trial_chi2 = linearise(trial, problem, free, cut, work, normal, gradient)
                 # Sigmas depend on the shape, so a short step may be right without reducing chi2.
                 if trial_chi2 <= chi2 * (1 + 1e-9) or (length2 < 1 and fraction == 1.0):

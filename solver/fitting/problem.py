@@ -1,13 +1,10 @@
 """Convert a measurement to the arrays of the compiled fit."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from solver.fitting.constraints import TIP_COLUMNS
 from solver.fitting.residuals import (
@@ -24,10 +21,11 @@ from solver.fitting.residuals import (
     STRETCH,
     STRETCH_SIGMA,
     TILT,
+    FrameArrays,
     Q,
 )
 from solver.instrument.arrays import Floats
-from solver.instrument.measurement import Measurement, View
+from solver.instrument.measurement import Measurement, Tip
 from solver.instrument.small_matrices import whitening
 
 # Minimum relative sigma of a length and of a rigidity.
@@ -36,15 +34,15 @@ _MIN_TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Problem:
-    """Input of the compiled fit: `arrays` as in `frame_fit`, in units of the beam's length.
+    """Input of the compiled fit: `arrays`, in units of the beam's length.
 
-    `order` (n,) is, for each point of `arrays`, its index among the measurement's points of all
-    views; `shared_errors` (n, k) are those of `View`, in this order; `shape_free` and `all_free`
+    `order` (n,) is, for each point of `arrays`, its index among the measurement's points;
+    `shared_errors` (n, k) are those of `View`, in this order; `shape_free` and `all_free`
     are the free parameters with psi held and with psi free. The
     motor's axis passes through the clamp.
     """
 
-    arrays: Any
+    arrays: FrameArrays
     order: Any
     shape_free: Any
     all_free: Any
@@ -53,28 +51,23 @@ class Problem:
 
     @property
     def points(self) -> int:
-        """Number of points in all views."""
+        """Number of points."""
         return len(self.order)
 
 
-def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
-    """Convert a measurement to arrays, optionally without the tips visible in its views.
+def problem_of(measurement: Measurement, with_tip: bool = True) -> Problem:
+    """Convert a measurement to arrays, optionally without a visible tip.
 
     Raises ValueError if a viewpoint is in plane C.
     """
     rig, length = measurement.rig, measurement.rig.beam.length
-    views = (measurement.view, *measurement.other_views)
-    bounds = np.array([0, *accumulate(len(view.points) for view in views)])
-    order, rows = np.empty(bounds[-1], np.int64), np.empty((4, bounds[-1]))
-    for view, (first, last) in zip(views, pairwise(bounds), strict=True):
-        ranks = np.argsort(view.points[:, 0], kind="stable")
-        order[first:last] = first + ranks
-        # Mode "clip" writes to `out` without a buffer.
-        np.take(view.points.T, ranks, axis=1, out=rows[:2, first:last], mode="clip")
-        np.take(view.sigma_vectors.T, ranks, axis=1, out=rows[2:, first:last], mode="clip")
+    view = measurement.view
+    order, rows = np.argsort(view.points[:, 0], kind="stable"), np.empty((4, len(view.points)))
+    # Mode "clip" writes to `out` without a buffer.
+    np.take(view.points.T, order, axis=1, out=rows[:2], mode="clip")
+    np.take(view.sigma_vectors.T, order, axis=1, out=rows[2:], mode="clip")
     known = np.zeros(KNOWN)
-    tip_views = [(i, view) for i, view in enumerate(views) if with_tips and view.tip is not None]
-    tips = [_tip_row(view, i, length) for i, view in tip_views]
+    tips = [] if view.tip is None or not with_tip else [_tip_row(view.tip, length)]
     shape_free = [Q, LEVER, DX, DY, TILT]
     if tips:
         shape_free.append(STRETCH)
@@ -98,13 +91,12 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
             ),
             _MIN_TOLERANCE,
         )
-    arrays = (
-        rows / length,
-        bounds,
-        np.array([view_row(view.viewpoint, length) for view in views]),
-        np.array(tips).reshape(-1, TIP_COLUMNS),
-        known,
-        base_whitening(measurement.base_covariance, length),
+    arrays = FrameArrays(
+        points=rows / length,
+        viewpoint=view_row(view.viewpoint, length),
+        tips=np.array(tips).reshape(-1, TIP_COLUMNS),
+        known=known,
+        base_whitening=base_whitening(measurement.base_covariance, length),
     )
     return Problem(
         arrays=arrays,
@@ -112,26 +104,17 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         shape_free=np.array(sorted(shape_free)),
         all_free=np.array(sorted([*shape_free, PSI])),
         tilt_variance=float(measurement.base_covariance[2, 2]),
-        shared_errors=_shared_errors(views)[order],
+        shared_errors=view.shared_errors[order],
     )
-
-
-def _shared_errors(views: Sequence[View]) -> Floats:
-    """Stack the errors that the points of each view share; those of two views are independent."""
-    shared = [view.shared_errors for view in views]
-    return shared[0] if len(shared) == 1 else np.asarray(block_diag(*shared))
 
 
 def without(problem: Problem, kept: Any) -> Problem:
     """Return the problem with only the `kept` (n,) of the measurement's points."""
-    rows, bounds, *rest = problem.arrays
     mask = kept[problem.order]
-    counts = [int(mask[a:b].sum()) for a, b in pairwise(bounds)]
-    new_bounds = np.array([0, *accumulate(counts)])
-    arrays = (np.ascontiguousarray(rows[:, mask]), new_bounds, *rest)
+    points = np.ascontiguousarray(problem.arrays.points[:, mask])
     return replace(
         problem,
-        arrays=arrays,
+        arrays=problem.arrays._replace(points=points),
         order=np.arange(int(mask.sum())),
         shared_errors=problem.shared_errors[mask],
     )
@@ -154,8 +137,6 @@ def base_whitening(covariance: Floats, length: float) -> Floats:
     return np.asarray(whitening(covariance * unit * unit[:, None]))
 
 
-def _tip_row(view: View, index: int, length: float) -> Floats:
-    tip = view.tip
-    assert tip is not None
+def _tip_row(tip: Tip, length: float) -> Floats:
     whitener = whitening(tip.covariance / length**2)
-    return np.array([*(tip.point / length), *whitener.ravel(), index])
+    return np.array([*(tip.point / length), *whitener.ravel()])

@@ -100,7 +100,7 @@ def _collected(
 
 def _uniform(frame: Measurement) -> _Fitted[UniformPoints] | Outcome:
     # As in `exact_fit`, without tips: a detected tip may be an occluder's edge.
-    problem = problem_of(frame, with_tips=False)
+    problem = problem_of(frame, with_tip=False)
     start = start_of(problem, 0.0) if problem.points else None
     fit = None if start is None else fit_from(problem, start, psi_free=False)
     refusal = refusal_of(frame, problem, fit)
@@ -112,7 +112,7 @@ def _uniform(frame: Measurement) -> _Fitted[UniformPoints] | Outcome:
 
 def _rod(frame: Measurement) -> _Fitted[RodPoints] | Outcome:
     bowed = with_bow(frame)
-    problem = problem_of(bowed, with_tips=False)
+    problem = problem_of(bowed, with_tip=False)
     fitted = (
         fit_with_neighbours(problem, rod_problem_of(bowed, problem)) if problem.points else None
     )
@@ -126,7 +126,7 @@ def _rod(frame: Measurement) -> _Fitted[RodPoints] | Outcome:
 
 def _linear_q(points: UniformPoints, lever: float, length: float) -> float:
     """Compute q [1/m^2] by a straight line through the points, in linear theory."""
-    x, y = points.problem.arrays[0][:2] * length
+    x, y = points.problem.arrays.points[:2] * length
     unit = unit_deflection(x, lever)
     q = 6 * float(unit @ y) / float(unit @ unit)
     # Inside the model's domain, however steep the linear shape is.

@@ -77,13 +77,13 @@ class UniformPoints:
 
     def _frictionless(self, parameters: Floats) -> Floats | None:
         """Compute rows (7, n): gradients by q, lever, dx, dy, tilt, friction (0); residuals."""
-        points, bounds, views, *_ = self.problem.arrays
+        points, view = self.problem.arrays.points, self.problem.arrays.viewpoint
         p = np.zeros(PARAMETERS)
         p[_FRAME_PARAMETERS] = parameters
-        if not is_feasible(p, points, bounds, views):
+        if not is_feasible(p, points, view):
             return None
         rows = np.zeros((TILT + 3, points.shape[1]))
-        point_residuals(p, points, bounds, views, True, rows[-1], rows[:-2])
+        point_residuals(p, points, view, True, rows[-1], rows[:-2])
         return rows[[*_FRAME_PARAMETERS, -2, -1]]
 
     def _frictional(self, parameters: Floats, friction_ratio: float) -> Floats | None:
@@ -91,7 +91,7 @@ class UniformPoints:
         q, lever, dx, dy, tilt = parameters
         if not frictional.exists(q, lever, friction_ratio):
             return None
-        points = self.problem.arrays[0]
+        points = self.problem.arrays.points
         rotation = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
         sigmas = rotation @ points[[SIGMA_X, SIGMA_Y]]
 

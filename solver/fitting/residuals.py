@@ -8,14 +8,14 @@ All lengths are in units of the beam's length L. Parameters, in this order:
     stretch        L is (1 + stretch) times its nominal value
     rigidity       EI is (1 + rigidity) times its nominal value
 
-A point m of a view is on the ray P = m + t (V_xyz - V_w m); with V_z = 1 the ray meets D at
+A point m is on the ray P = m + t (V_xyz - V_w m); with V_z = 1 the ray meets D at
 
     y = m_y / (cos(psi) - W_y sin(psi)),    x = m_x + W_x y sin(psi),    W = V_xy - V_w m,
 
 in the clamp's axes: eqs. (7) and (8) of Kaneko, Kanayama and Tsuji (2001), for any viewpoint.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -45,12 +45,25 @@ KNOWN: Final = 5
 LEAST_SIGMA: Final = 1e-9
 
 
+class FrameArrays(NamedTuple):
+    """What the compiled fit knows of a frame, in units of the beam's length.
+
+    `points` (4, n) and `viewpoint` (3,) are those of `point_residuals`; `tips` (k, 6), where k is
+    0 or 1, `known` (5,) and `base_whitening` (3, 3) those of `constraints.add_constraints`.
+    """
+
+    points: Floats
+    viewpoint: Floats
+    tips: Floats
+    known: Floats
+    base_whitening: Floats
+
+
 @njit
 def is_feasible(
     p: Floats,
     points: Floats,
-    bounds: Any,
-    views: Floats,
+    view: Floats,
 ) -> bool:
     """Test whether the shape exists and every ray meets D on the side visible to the camera."""
     if not (p[Q] >= 0 and p[LEVER] > 0 and p[Q] * p[LEVER] ** 2 / 2 < MOST_SINE):
@@ -60,15 +73,14 @@ def is_feasible(
     if p[PSI] == 0:
         return True
     sine, cosine = np.sin(p[TILT]), np.cos(p[TILT])
-    for view in range(len(views)):
-        vx, vy, vw = views[view]
-        low, high = np.inf, -np.inf
-        for i in range(bounds[view], bounds[view + 1]):
-            across = cosine * (vy - vw * points[Y, i]) - sine * (vx - vw * points[X, i])
-            low, high = min(low, across), max(high, across)
-        for across in (low, high):
-            if np.cos(p[PSI]) - np.sin(p[PSI]) * across < LIMITS.min_grazing:
-                return False
+    vx, vy, vw = view
+    low, high = np.inf, -np.inf
+    for i in range(points.shape[1]):
+        across = cosine * (vy - vw * points[Y, i]) - sine * (vx - vw * points[X, i])
+        low, high = min(low, across), max(high, across)
+    for across in (low, high):
+        if np.cos(p[PSI]) - np.sin(p[PSI]) * across < LIMITS.min_grazing:
+            return False
     return True
 
 
@@ -114,7 +126,7 @@ def weight_of(sigma: float) -> float:
 
 
 @njit(fastmath=FAST)
-def _points_of_view(
+def _rows(
     p: Floats,
     mx: Floats,
     my: Floats,
@@ -186,59 +198,50 @@ def is_gentle(p: Floats) -> bool:
 def _points(
     p: Floats,
     points: Floats,
-    bounds: Any,
-    views: Floats,
+    view: Floats,
     residual: Floats,
     jacobian: Floats,
 ) -> None:
-    gentle = is_gentle(p)
-    for view in range(len(views)):
-        first, last = bounds[view], bounds[view + 1]
-        start, end = first - bounds[0], last - bounds[0]
-        mx, my = points[X, first:last], points[Y, first:last]
-        sx, sy = points[SIGMA_X, first:last], points[SIGMA_Y, first:last]
-        out, by_q = residual[start:end], jacobian[Q, start:end]
-        by_lever, by_psi = jacobian[LEVER, start:end], jacobian[PSI, start:end]
-        by_tilt = jacobian[TILT, start:end]
-        by_dx, by_dy = jacobian[DX, start:end], jacobian[DY, start:end]
-        if gentle:
-            _points_of_view(
-                p, mx, my, sx, sy, views[view], BEND_GENTLE, GENTLE,
-                out, by_q, by_lever, by_psi, by_dx, by_dy, by_tilt,
-            )  # fmt: skip
-        else:
-            _points_of_view(
-                p, mx, my, sx, sy, views[view], BEND_STEEP, STEEP,
-                out, by_q, by_lever, by_psi, by_dx, by_dy, by_tilt,
-            )  # fmt: skip
+    n = points.shape[1]
+    mx, my, sx, sy = points[X], points[Y], points[SIGMA_X], points[SIGMA_Y]
+    out, by_q, by_lever = residual[:n], jacobian[Q, :n], jacobian[LEVER, :n]
+    by_psi, by_tilt = jacobian[PSI, :n], jacobian[TILT, :n]
+    by_dx, by_dy = jacobian[DX, :n], jacobian[DY, :n]
+    if is_gentle(p):
+        _rows(
+            p, mx, my, sx, sy, view, BEND_GENTLE, GENTLE,
+            out, by_q, by_lever, by_psi, by_dx, by_dy, by_tilt,
+        )  # fmt: skip
+    else:
+        _rows(
+            p, mx, my, sx, sy, view, BEND_STEEP, STEEP,
+            out, by_q, by_lever, by_psi, by_dx, by_dy, by_tilt,
+        )  # fmt: skip
 
 
 @njit
 def point_residuals(
     p: Floats,
     points: Floats,
-    bounds: Any,
-    views: Floats,
+    view: Floats,
     spatial: Any,
     residual: Floats,
     jacobian: Floats,
 ) -> None:
-    """Compute `residual` (n,) and `jacobian` (6, n) of the points of all views, in order.
+    """Compute `residual` (n,) and `jacobian` (6, n) of `points` (4, n).
 
-    View i has the columns of `points` (4, ...) from `bounds[i]` to `bounds[i + 1]`; `views[i]` is
-    (x, y, w) of its viewpoint, with z = 1. With `spatial`, psi is fitted: then the Jacobian is
-    evaluated where each point's ray would be without its error. Un-projection enlarges a point's
-    error by a factor that depends on psi; a Jacobian that contains the error would correlate with
-    it and bias psi.
+    `view` (3,) is (x, y, w) of the viewpoint, with z = 1. With `spatial`, psi is fitted: then the
+    Jacobian is evaluated where each point's ray would be without its error. Un-projection enlarges
+    a point's error by a factor that depends on psi; a Jacobian that contains the error would
+    correlate with it and bias psi.
     """
-    _points(p, points, bounds, views, residual, jacobian)
+    _points(p, points, view, residual, jacobian)
     if not spatial:
         return
-    n = bounds[-1] - bounds[0]
+    n = points.shape[1]
     shifted, scratch = np.empty((4, n)), np.empty(n)
     for i in range(n):
-        column = bounds[0] + i
-        shifted[SIGMA_X, i], shifted[SIGMA_Y, i] = points[SIGMA_X, column], points[SIGMA_Y, column]
-        shifted[X, i] = points[X, column] - residual[i] * points[SIGMA_X, column]
-        shifted[Y, i] = points[Y, column] - residual[i] * points[SIGMA_Y, column]
-    _points(p, shifted, bounds - bounds[0], views, scratch, jacobian)
+        shifted[SIGMA_X, i], shifted[SIGMA_Y, i] = points[SIGMA_X, i], points[SIGMA_Y, i]
+        shifted[X, i] = points[X, i] - residual[i] * points[SIGMA_X, i]
+        shifted[Y, i] = points[Y, i] - residual[i] * points[SIGMA_Y, i]
+    _points(p, shifted, view, scratch, jacobian)

@@ -36,7 +36,7 @@ def rod_estimate(
     The outcome is "invalid" where the beam is not the one that the rig states.
     """
     bowed = with_bow(measurement)
-    problem = problem_of(bowed, with_tips=False)
+    problem = problem_of(bowed, with_tip=False)
     enough = problem.points >= LIMITS.min_points
     fitted = fit_with_neighbours(problem, rod_problem(bowed, problem)) if enough else None
     fit = None if fitted is None else fitted.in_order(problem)

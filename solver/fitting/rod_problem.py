@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -42,7 +41,7 @@ class RigidObjects(NamedTuple):
 class RodProblem:
     """Points of one frame and the prior of its parameters, in units of the beam's length.
 
-    `points` (4, n), `bounds` and `views` are those of `residuals`; `widths` and `radius` those of
+    `points` (4, n) and `view` (3,) are those of `residuals`; `widths` and `radius` those of
     `rod.curve_of`. The parameters are those of `rod_residuals`, and then the errors that all points
     share: `shared` (n, k) is the shift of each point, in sigmas, by one sigma of each. `mean` (p,)
     and `information` (p, p) are their prior; `free` (f,) are the indices of those that are fitted.
@@ -52,8 +51,7 @@ class RodProblem:
     """
 
     points: Floats
-    bounds: Any
-    views: Floats
+    view: Floats
     widths: int
     radius: float
     shared: Floats
@@ -101,7 +99,7 @@ class RodProblem:
 
     def moved(self, p: Floats, step: Floats) -> Floats:
         """Return the parameters (p,) after a step (p,) of a fit, along the objective's valley."""
-        size, ray = self.shape_size, float(self.views[0, 1])
+        size, ray = self.shape_size, float(self.view[1])
         return straight_in_free_end(p, step, size, self.widths, self.radius, ray)
 
     def rod_fit(self, fit: FrameFit) -> FrameFit:
@@ -112,7 +110,7 @@ class RodProblem:
         """Write the residuals (n,) of shape and pose p, and their Jacobian, as `rod_residuals`."""
         return bool(
             rod_residuals(
-                p, self.points, self.bounds, self.views, self.widths, self.radius, residual,
+                p, self.points, self.view, self.widths, self.radius, residual,
                 jacobian,
             )
         )  # fmt: skip
@@ -123,7 +121,7 @@ P = TypeVar("P", bound=RodProblem)
 
 def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
     """Add the stated or learned beam of the measurement's rig to the arrays of `problem`."""
-    points, bounds, views, *_ = problem.arrays
+    points, view = problem.arrays.points, problem.arrays.viewpoint
     bow = measurement.rest_bow
     shared = problem.shared_errors[:, 0 if bow is None else bow.errors :]
     radius = measurement.rig.beam.radius / measurement.rig.beam.length
@@ -134,8 +132,7 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
     information[block] = _information(covariance[block])
     return RodProblem(
         points=points,
-        bounds=bounds - bounds[0],
-        views=views,
+        view=view,
         widths=len(measurement.rig.shape.widths),
         radius=radius,
         shared=shared,
@@ -276,10 +273,8 @@ def _with_errors(problem: P, columns: Floats) -> P:
 
 def only(problem: RodProblem, kept: Any) -> RodProblem:
     """Return the problem with only the `kept` (n,) points."""
-    counts = [int(kept[a:b].sum()) for a, b in pairwise(problem.bounds)]
     return replace(
         problem,
         points=np.ascontiguousarray(problem.points[:, kept]),
-        bounds=np.cumsum([0, *counts]),
         shared=problem.shared[kept],
     )

@@ -38,8 +38,7 @@ def uniform_start(problem: Problem, rod: RodProblem, psi: float | None = None) -
 
 def _straightened(problem: Problem, rod: RodProblem) -> Problem:
     """Remove the prior's bow from the points: a contact is no start for a beam bowed as far."""
-    points, *rest = problem.arrays
-    points = points.copy()
+    points = problem.arrays.points.copy()
     for power, coefficient in enumerate(rod.mean[WIDTHS + rod.widths : rod.shape_size], 2):
         points[residuals.Y] -= coefficient * points[residuals.X] ** power
-    return replace(problem, arrays=(points, *rest))
+    return replace(problem, arrays=problem.arrays._replace(points=points))

@@ -23,7 +23,7 @@ from solver.instrument.small_matrices import whitening
 
 @dataclass(frozen=True)
 class SpatialRodProblem(RodProblem):
-    """Points of a frame whose plane is unknown, with the tips (k, 7) of its views, as in `Problem`.
+    """Points of a frame whose plane is unknown, with the tip (k, 6), k = 0 or 1, as in `Problem`.
 
     `moments` (m, 2) has one row if there is a moment sensor: the moment about y that one unit of
     the moment at the clamp would have, were it in that direction, and the reading, both over the
@@ -92,7 +92,7 @@ class SpatialRodProblem(RodProblem):
         )
         by_point[0, size + DX] += 1.0
         by_point[1, size + DY] += 1.0
-        view = self.views[int(tip[-1])]
+        view = self.view
         below = 1 - view[2] * height
         fraction, by_fraction = height / below, by_height / below**2
         ray = view[:2] - view[2] * point
@@ -108,7 +108,7 @@ def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
     The error of the length up to the tip is a part of the tip's, along the end of the beam; that
     of EI is a part of the moment's.
     """
-    tips, known = problem.arrays[3].copy(), problem.arrays[4]
+    tips, known = problem.arrays.tips.copy(), problem.arrays.known
     direction = _end(rod)
     for tip in tips:
         inverse = np.linalg.inv(tip[2:6].reshape(2, 2))
@@ -127,8 +127,7 @@ def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
     shared = np.vstack([rod.shared, np.zeros((constraints, rod.shared.shape[1]))])
     return SpatialRodProblem(
         points=rod.points,
-        bounds=rod.bounds,
-        views=rod.views,
+        view=rod.view,
         widths=rod.widths,
         radius=rod.radius,
         shared=shared,

@@ -15,6 +15,7 @@ from solver.fitting.residuals import (
     SIGMA_X,
     SIGMA_Y,
     TILT,
+    FrameArrays,
     Q,
     X,
     Y,
@@ -99,15 +100,13 @@ def fit_linear_start(points: Floats, indices: Any, tilt_variance: float, p: Floa
 
 @njit
 def subset(problem: Any, indices: Any) -> Any:
-    """Return the problem with only the points at `indices` of its first view."""
-    points, _, views, tips, known, base_whitening = problem
+    """Return the problem with only the points at `indices`."""
+    points, view, tips, known, base_whitening = problem
     sample = np.empty((4, len(indices)))
     for j in range(len(indices)):
         for row in range(4):
             sample[row, j] = points[row, indices[j]]
-    bounds = np.full(len(views) + 1, len(indices))
-    bounds[0] = 0
-    return sample, bounds, views, tips, known, base_whitening
+    return FrameArrays(sample, view, tips, known, base_whitening)
 
 
 @njit
@@ -122,13 +121,13 @@ def initial_estimate(problem: Any, free: Any, tilt_variance: float, psi: float, 
 
     `free` does not contain psi, which is written to `p`. Returns False if there is no start.
     """
-    points, bounds, views, _, _, _ = problem
-    stride = max((bounds[1] - bounds[0]) // _START_POINTS, 1)
-    indices = np.arange(bounds[0] + stride // 2, bounds[1], stride)
+    points, view = problem.points, problem.viewpoint
+    stride = max(points.shape[1] // _START_POINTS, 1)
+    indices = np.arange(stride // 2, points.shape[1], stride)
     fit_linear_start(points, indices, tilt_variance, p)
     p[PSI] = psi
     for _ in range(40):
-        if is_feasible(p, points, bounds, views):
+        if is_feasible(p, points, view):
             break
         p[Q] *= 0.8
     else:
@@ -139,20 +138,20 @@ def initial_estimate(problem: Any, free: Any, tilt_variance: float, psi: float, 
         minimise(
             p, sparse_problem, free, np.inf, _START_ITERATIONS, workspace(len(indices)), covariance
         )
-    return bool(is_feasible(p, points, bounds, views))
+    return bool(is_feasible(p, points, view))
 
 
 @njit
 def consensus(
     problem: Any, free: Any, tilt_variance: float, psi: float, cut: float, work: Any, p: Floats
 ) -> bool:
-    """Find the best exact beam through a few points of the first view (MSAC); write it to p.
+    """Find the best exact beam through a few points (MSAC); write it to p.
 
     The draws are the same in every call. Returns False if no draw gives a beam.
     """
-    points, bounds, views, _, _, _ = problem
-    residual, jacobian = work[0][: bounds[-1] - bounds[0]], work[1]
-    n = bounds[1] - bounds[0]
+    points, view = problem.points, problem.viewpoint
+    n, jacobian = points.shape[1], work[1]
+    residual = work[0][:n]
     size = 2 if tilt_variance < 1e-4 else 3
     indices = np.empty(size, dtype=np.int64)
     covariance = np.empty((PARAMETERS, PARAMETERS))
@@ -164,18 +163,18 @@ def consensus(
             # Draw one point from each part of the beam, so that they are far apart.
             state = (1103515245 * state + 12345) % 2147483648
             fraction = (j + state / 2147483648) / size
-            indices[j] = bounds[0] + min(int(fraction * n), n - 1)
+            indices[j] = min(int(fraction * n), n - 1)
         fit_linear_start(points, indices, tilt_variance, trial)
         trial[PSI] = psi
-        if not is_feasible(trial, points, bounds, views):
+        if not is_feasible(trial, points, view):
             continue
         drawn_problem = subset(problem, indices)
         status, _, _ = minimise(
             trial, drawn_problem, free, np.inf, _DRAW_ITERATIONS, draw_work, covariance
         )
-        if status == DEFICIENT or not is_feasible(trial, points, bounds, views):
+        if status == DEFICIENT or not is_feasible(trial, points, view):
             continue
-        point_residuals(trial, points, bounds, views, _PLANAR, residual, jacobian)
+        point_residuals(trial, points, view, _PLANAR, residual, jacobian)
         cost = 0.0
         for r in residual:
             cost += min(r * r, cut * cut)

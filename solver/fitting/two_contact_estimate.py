@@ -47,7 +47,7 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
     states explains the points as well.
     """
     bowed = with_bow(measurement)
-    problem = problem_of(bowed, with_tips=False)
+    problem = problem_of(bowed, with_tip=False)
     if problem.points < LIMITS.min_points:
         return Estimate(Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points")
     double = two_contact_problem_of(rod_problem_of(bowed, problem))

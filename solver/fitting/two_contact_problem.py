@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from itertools import combinations
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -71,7 +71,7 @@ class TwoContactProblem(RodProblem):
 
     def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
         """Write the residuals (n,) of shape and pose p, and their Jacobian."""
-        arrays = self.points, self.bounds, self.views
+        arrays = self.points, self.view
         return bool(_residuals(p, *arrays, self.widths, self.radius, residual, jacobian))
 
 
@@ -85,8 +85,7 @@ def _moments(forces: Floats, places: Floats) -> tuple[Floats, Floats]:
 def _residuals(
     p: Floats,
     points: Floats,
-    bounds: Any,
-    views: Floats,
+    view: Floats,
     widths: int,
     radius: float,
     residual: Floats,
@@ -95,7 +94,7 @@ def _residuals(
     """Write the residuals and their Jacobian; return whether the shape exists."""
     both = two_contacts_of(p[: len(p) - POSE], widths, radius, STEPS)
     return both.curve.exists and curve_residuals(
-        p, both.curve, both.moment, both.by_moment, points, bounds, views, residual, jacobian
+        p, both.curve, both.moment, both.by_moment, points, view, residual, jacobian
     )
 
 
@@ -110,8 +109,7 @@ def two_contact_problem_of(rod: RodProblem) -> TwoContactProblem:
     others = np.where(rod.free < size, rod.free, rod.free + INNER_PARAMETERS)
     return TwoContactProblem(
         points=rod.points,
-        bounds=rod.bounds,
-        views=rod.views,
+        view=rod.view,
         widths=rod.widths,
         radius=rod.radius,
         shared=rod.shared,
@@ -129,8 +127,7 @@ def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[F
     integral of the tangent's angle over the arc length, whose second derivative is the curvature
     for any deflection.
     """
-    last = problem.bounds[1]
-    points = problem.points[:, : last : max(last // _POINTS, 1)]
+    points = problem.points[:, :: max(problem.points.shape[1] // _POINTS, 1)]
     weight = 1 / np.maximum(np.hypot(points[SIGMA_X], points[SIGMA_Y]), LEAST_SIGMA)
     s, y = _unrolled(points, tilt)
     size = problem.shape_size

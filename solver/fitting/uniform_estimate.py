@@ -21,7 +21,7 @@ class UniformEstimate(NamedTuple):
 def uniform_estimate(measurement: Measurement) -> UniformEstimate:
     """Estimate contact and force in the known plane, whatever else rig.json states of the beam."""
     # In a known plane the tip adds little to the points, and may be an occluder's edge.
-    problem = problem_of(measurement, with_tips=False)
+    problem = problem_of(measurement, with_tip=False)
     known_psi = measurement.rig.known_psi
     # If the rig deflects to -y, the beam's frame is mirrored and the inclination changes its sign.
     psi = measurement.handedness * (known_psi or 0.0)

@@ -35,7 +35,7 @@ def with_unknown_friction(alone: Estimate, measurement: Measurement) -> Estimate
     if isinstance(plane, Estimate):
         return plane
     planar, psi = plane
-    problem = problem_of(planar, with_tips=False)
+    problem = problem_of(planar, with_tip=False)
     start = start_of(problem, 0.0)
     if start is None or alone.covariance is None:
         return alone

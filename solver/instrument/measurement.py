@@ -105,19 +105,18 @@ class Measurement:
     to which contact bends the beam, z towards the camera; `antenna_from_beam` (4, 4) maps it
     to Sigma_a (it is a reflection if the rig deflects towards -y).
 
-    `view` is the view of the camera, `other_views` are views of the same beam from further cameras
-    or mirrors. `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is the uncertainty of the
-    clamp's image: the clamp is at (dx, dy) and its tangent is rotated by tilt. It includes the
-    `image_shift` (2, 2) [m^2], the covariance of shifts of the image since rest, which do not move
-    the clamp. `scale_sigma` is the relative one-sigma error of all lengths. `motor_angle` [rad] is
-    the encoder's reading. `moment_y` [N m] about Sigma_a's y axis, `base_force` (3,) [N] and
-    `base_moment` (3,) [N m] in Sigma_a are sensor readings; the first is exerted by the beam on the
-    sensor, the other two by the clamp on the beam. Readings that do not exist are None.
-    `viewpoint_known` is False if only plane C was calibrated: then only quantities within C can be
-    estimated. `tip_sigma` is the relative one-sigma error of the length up to the visible tip, None
-    if it is the rig's tolerance. `earlier` contains the previous frames of the same push, in order.
-    `rest_bow` is None for a beam without a bow. `axis_sigma` [m] is that of the beam's axis about
-    its apparent middle at rest, across the beam. Raises ValueError.
+    `view` is the view of the camera. `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is the
+    uncertainty of the clamp's image: the clamp is at (dx, dy) and its tangent is rotated by tilt.
+    It includes the `image_shift` (2, 2) [m^2], the covariance of shifts of the image since rest,
+    which do not move the clamp. `scale_sigma` is the relative one-sigma error of all lengths.
+    `motor_angle` [rad] is the encoder's reading. `moment_y` [N m] about Sigma_a's y axis,
+    `base_force` (3,) [N] and `base_moment` (3,) [N m] in Sigma_a are sensor readings; the first is
+    exerted by the beam on the sensor, the other two by the clamp on the beam. Readings that do not
+    exist are None. `viewpoint_known` is False if only plane C was calibrated: then only quantities
+    within C can be estimated. `tip_sigma` is the relative one-sigma error of the length up to the
+    visible tip, None if it is the rig's tolerance. `earlier` contains the previous frames of the
+    same push, in order. `rest_bow` is None for a beam without a bow. `axis_sigma` [m] is that of
+    the beam's axis about its apparent middle at rest, across the beam. Raises ValueError.
     """
 
     view: View
@@ -129,7 +128,6 @@ class Measurement:
     moment_y: float | None = None
     base_force: tuple[float, float, float] | None = None
     base_moment: tuple[float, float, float] | None = None
-    other_views: tuple[View, ...] = ()
     earlier: tuple["Measurement", ...] = ()
     viewpoint_known: bool = True
     tip_sigma: float | None = None

@@ -148,8 +148,7 @@ def _image(
     imagined = replace(
         problem,
         points=points,
-        bounds=np.array([0, count]),
-        views=problem.views[:1],
+        view=problem.view,
         shared=np.zeros((count, problem.shared.shape[1])),
     )
     linearised = residuals_at(imagined, p)

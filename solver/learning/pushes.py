@@ -47,7 +47,7 @@ class BentFrame(NamedTuple):
 def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     """Fit a frame by itself; None if it shows no contact with a cone of this prior."""
     bowed = with_bow(_with_shape(measurement, prior))
-    problem = problem_of(bowed, with_tips=False)
+    problem = problem_of(bowed, with_tip=False)
     fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
     if fitted is None or refusal_of(measurement, problem, fitted.in_order(problem)) is not None:
         return None
@@ -99,7 +99,7 @@ def with_shared_errors(
 
 def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
     measurement = _with_shape(frame.measurement, shape)
-    problem = rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+    problem = rod_problem_of(measurement, problem_of(measurement, with_tip=False))
     return with_friction_sign(problem, frame.friction_sign)
 
 

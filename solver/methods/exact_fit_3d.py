@@ -1,11 +1,10 @@
 """Least squares with the exact beam where the deformation plane is unknown too.
 
 Contact, force and the inclination psi are estimated together, from one image (the paper's section
-V-B), or with a moment sensor (V-C), further views, or the image of the tip, whichever the
-measurement contains. To first order an image shows only the deflection times
-cos(psi) - (y_v / z_v) sin(psi); psi is determined by second-order perspective, or by the position
-in the image of the tip of a beam of known length. chi2 may have several minima over psi: all are
-searched for.
+V-B), or with a moment sensor (V-C), or the image of the tip, whichever the measurement contains. To
+first order an image shows only the deflection times cos(psi) - (y_v / z_v) sin(psi); psi is
+determined by second-order perspective, or by the position in the image of the tip of a beam of
+known length. chi2 may have several minima over psi: all are searched for.
 
 Where the rig states that the beam may be tapered or out of round, or objects rough, or where the
 beam was learned, or where it has a bow that matters, it is the beam of `rod_estimate`.
@@ -63,9 +62,9 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
 def _fit(measurement: Measurement) -> Estimate:
     """Estimate by the fit, for a beam bent to either side."""
     search = _uniform_minima if measurement.uniform else _rod_minima
-    found = search(measurement, with_tips=True)
-    if len(found.problem.arrays[3]):
-        tipless = search(measurement, with_tips=False)
+    found = search(measurement, with_tip=True)
+    if len(found.problem.arrays.tips):
+        tipless = search(measurement, with_tip=False)
         if _contradicted(found.minima, tipless.minima):
             found = tipless
     problem, minima, rod, gain = found
@@ -139,9 +138,9 @@ def _other_beam(
     )
 
 
-def _uniform_minima(measurement: Measurement, with_tips: bool) -> _Found:
+def _uniform_minima(measurement: Measurement, with_tip: bool) -> _Found:
     """Find the minima without outliers; none for too few points."""
-    problem = problem_of(measurement, with_tips)
+    problem = problem_of(measurement, with_tip)
     minima = _minima(problem) if problem.points >= LIMITS.min_points else []
     if minima and not minima[0].kept.all():
         # Outliers bias every start: search again with the inliers of the first search.
@@ -153,10 +152,10 @@ def _uniform_minima(measurement: Measurement, with_tips: bool) -> _Found:
     return _Found(problem, minima, None)
 
 
-def _rod_minima(measurement: Measurement, with_tips: bool) -> _Found:
+def _rod_minima(measurement: Measurement, with_tip: bool) -> _Found:
     """Find the minima of the rig's stated or learned beam; none for too few points."""
     bowed = with_bow(measurement)
-    problem = problem_of(bowed, with_tips)
+    problem = problem_of(bowed, with_tip)
     rod = rod_problem_of(bowed, problem)
     if problem.points < LIMITS.min_points:
         return _Found(problem, [], rod)
@@ -225,8 +224,8 @@ def _spread(best: FrameFit, minima: list[FrameFit], row: int) -> tuple[Floats, l
 
 def _edge_on(problem: Problem, psi: float, margin: float) -> bool:
     """Test whether psi may be a right angle or that of the camera's rays, tan psi = z_v / y_v."""
-    rays = problem.arrays[2][:, 1]
+    ray = problem.arrays.viewpoint[1]
     edges = [math.copysign(math.pi / 2, psi)]
-    if len(rays) == 1 and rays[0] != 0:
-        edges.append(math.atan(1 / rays[0]))
+    if ray != 0:
+        edges.append(math.atan(1 / ray))
     return any(abs(psi - edge) < margin for edge in edges)

@@ -43,6 +43,6 @@ def _leaves_misfit(measurement: Measurement, single: Estimate) -> bool:
     chi2, dof = single.chi2, single.dof
     if chi2 is None or dof is None:
         return False
-    points = sum(len(view.points) for view in (measurement.view, *measurement.other_views))
+    points = len(measurement.points)
     rejected = 1 - dof / points
     return chi2 / dof > noise_chi2(dof) or rejected > LIMITS.max_rejected_beside_two

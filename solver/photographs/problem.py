@@ -34,7 +34,7 @@ VIEW_SIZE: Final = PARAMETERS - 2  # without focal length and k1
 OWN: Final = OWN_VIEW + VIEW_SIZE
 # Newton steps of the correction after a step of the fit. Chosen: the rest is far below a pixel.
 _CORRECTIONS: Final = 3
-_NO_VIEWS: Final = np.zeros((1, 3))
+_NO_VIEW: Final = np.zeros(3)
 # A beam at rest has no load, at any place.
 _REST_PLACE: Final = 0.5
 
@@ -135,8 +135,7 @@ class PhotoProblem:
         exists = rod_residuals(
             bent.q,
             np.ascontiguousarray(arrays.T),
-            np.array([0, n]),
-            _NO_VIEWS,
+            _NO_VIEW,
             self.widths,
             RADIUS,
             residual,

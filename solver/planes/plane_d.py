@@ -62,7 +62,7 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
     Its frame is that of the beam at rest, turned about x by `psi` [rad] so that D is its plane
     z = 0: points, their errors, the viewpoint, the clamp's covariance and `antenna_from_beam` are
     transformed to it. A planar method then applies unchanged. Rays that meet D only behind the
-    camera are left out. Other views, earlier frames and the tip are dropped.
+    camera are left out. Earlier frames and the tip are dropped.
     """
     if psi == 0.0:
         return measurement
@@ -93,7 +93,6 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
         base_covariance=clamp @ measurement.base_covariance @ clamp.T,
         image_shift=clamp[:2, :2] @ measurement.image_shift @ clamp[:2, :2].T,
         antenna_from_beam=antenna_from_beam,
-        other_views=(),
         earlier=(),
     )
 

@@ -14,34 +14,30 @@ TURNED = np.array([0.8, 0.6, 0.0, -0.02, 0.01, 0.3, 0.01, 0.02])
 STEEP = np.array([4.0, 0.65, 0.0, 0.001, 0.002, -0.2, 0.0, 0.0])
 
 
-def two_views(n: int) -> tuple[Floats, Floats, Floats]:
-    """Points (4, n) about a beam, some behind the clamp; their bounds; a pinhole and one far away.
+VIEW = np.array([0.5, 0.1, 0.7])
 
-    The first column belongs to no view.
-    """
+
+def points_of(n: int) -> Floats:
+    """Points (4, n) about a beam, some behind the clamp."""
     random = generator(__name__, n)
     x = np.linspace(-0.3, 1, n)
     y = 0.2 * x**2 + 1e-3 * random.standard_normal(n)
     sigma_x, sigma_y = 1e-5 * random.standard_normal(n), 1e-4 * random.uniform(0.5, 2, n)
-    return (
-        np.vstack([x, y, sigma_x, sigma_y]),
-        np.array([1, n // 2, n]),
-        np.array([[0.5, 0.1, 0.7], [0.3, -0.2, 0.0]]),
-    )
+    return np.vstack([x, y, sigma_x, sigma_y])
 
 
 @pytest.mark.parametrize("p", [GENTLE, TURNED, STEEP], ids=["gentle", "turned", "steep"])
 @pytest.mark.parametrize("n", [2, 3, 9, 100])  # shorter and longer than a vector register
 def test_they_are_the_products_of_the_general_jacobian(p: Floats, n: int) -> None:
-    points, bounds, views = two_views(n)
-    expected, jacobian = np.empty(n - 1), np.empty((6, n - 1))
-    point_residuals(p, points, bounds, views, False, expected, jacobian)
-    residual, normal = np.empty(n - 1), np.full((PARAMETERS, PARAMETERS), np.nan)
+    points = points_of(n)
+    expected, jacobian = np.empty(n), np.empty((6, n))
+    point_residuals(p, points, VIEW, False, expected, jacobian)
+    residual, normal = np.empty(n), np.full((PARAMETERS, PARAMETERS), np.nan)
     gradient = np.full(PARAMETERS, np.nan)
-    chi2 = plane_equations(p, points, bounds, residual, normal, gradient)
+    chi2 = plane_equations(p, points, residual, normal, gradient)
     assert residual == pytest.approx(expected, rel=1e-9)
     assert chi2 == pytest.approx(expected @ expected, rel=1e-9)
-    rows = np.zeros((PARAMETERS, n - 1))
+    rows = np.zeros((PARAMETERS, n))
     rows[:6] = jacobian
     rows[PSI] = 0.0
     size = np.linalg.norm(rows, axis=1)
@@ -51,9 +47,9 @@ def test_they_are_the_products_of_the_general_jacobian(p: Floats, n: int) -> Non
 
 def test_the_points_of_one_plane_curve_tell_four_of_its_five_parameters() -> None:
     # Along itself, a curve may be moved by the clamp as well as by its lever and q.
-    points, bounds, _ = two_views(100)
+    points = points_of(100)
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
-    plane_equations(GENTLE, points, bounds, np.empty(99), normal, gradient)
+    plane_equations(GENTLE, points, np.empty(100), normal, gradient)
     free = np.array([0, 1, 3, 4, 5])
     assert not invert(normal, free, np.empty((PARAMETERS, PARAMETERS)))
     assert invert(normal, free[:4], np.empty((PARAMETERS, PARAMETERS)))

@@ -38,7 +38,7 @@ def disturbed(
 
 def fitted(taken: Measurement) -> tuple[RodProblem, Floats]:
     bowed = with_bow(taken)
-    problem = problem_of(bowed, with_tips=False)
+    problem = problem_of(bowed, with_tip=False)
     rod = rod_problem_of(bowed, problem)
     start = uniform_start(problem, rod)
     assert start is not None

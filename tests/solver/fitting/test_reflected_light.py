@@ -36,7 +36,7 @@ def lit(place: float, load: float, light: float, random: np.random.Generator) ->
 
 def problem() -> RodProblem:
     taken = lit(0.6, 0.8, 0.0, generator(__name__, 1))
-    return rod_problem_of(taken, problem_of(taken, with_tips=False))
+    return rod_problem_of(taken, problem_of(taken, with_tip=False))
 
 
 def test_the_light_is_strongest_at_the_contact_and_odd_about_it_in_part() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from solver.beam_models import frictional
 from solver.fitting.constraints import add_constraints
-from solver.fitting.residuals import PARAMETERS, PSI, is_feasible, point_residuals
+from solver.fitting.residuals import PARAMETERS, PSI, FrameArrays, is_feasible, point_residuals
 from solver.instrument.arrays import Floats
 
 PINHOLE = np.array([0.5, 0.1, 0.7])
@@ -28,9 +28,8 @@ def residuals(
     p: Floats, rows: Floats, view: Floats, spatial: bool = False
 ) -> tuple[Floats, Floats]:
     residual, jacobian = np.empty(rows.shape[1]), np.empty((6, rows.shape[1]))
-    bounds = np.array([0, rows.shape[1]])
-    assert is_feasible(p, rows, bounds, view[None])
-    point_residuals(p, rows, bounds, view[None], spatial, residual, jacobian)
+    assert is_feasible(p, rows, view)
+    point_residuals(p, rows, view, spatial, residual, jacobian)
     return residual, jacobian
 
 
@@ -83,12 +82,13 @@ def test_a_residual_is_by_how_many_of_its_sigmas_a_point_is_off(p: Floats) -> No
 def test_the_constraints_gradient_is_that_of_their_chi2(p: Floats) -> None:
     known = np.array([0.02, 0.01, 0.3, 1e-3, 0.01])
     whitening = np.linalg.inv(np.linalg.cholesky(np.diag([1e-4, 2e-4, 3e-4]) + 5e-5))
-    tips = np.array([[0.9, 0.3, 900.0, 0.0, 200.0, 1100.0, 0.0]])
+    tips = np.array([[0.9, 0.3, 900.0, 0.0, 200.0, 1100.0]])
+    frame = FrameArrays(np.zeros((4, 0)), PINHOLE, tips, known, whitening)
 
     def chi2(p: Floats) -> tuple[float, Floats]:
         gradient = np.zeros(PARAMETERS)
         normal = np.zeros((PARAMETERS, PARAMETERS))
-        value = add_constraints(p, PINHOLE[None], tips, known, whitening, normal, gradient)
+        value = add_constraints(p, frame, normal, gradient)
         return float(value), gradient
 
     _, gradient = chi2(p)

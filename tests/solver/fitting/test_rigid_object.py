@@ -28,7 +28,7 @@ SLENDERNESS = BEAM.radius / BEAM.length
 
 def problem_with(shape: BeamShape) -> RodProblem:
     taken = measured(bent(0.0, 0.5, 1.0), shape, generator(__name__, 1))
-    return rod_problem_of(taken, problem_of(taken, with_tips=False))
+    return rod_problem_of(taken, problem_of(taken, with_tip=False))
 
 
 def parameters(problem: RodProblem, place: float, angle: float) -> Floats:
@@ -130,7 +130,7 @@ def test_the_axis_is_in_the_beams_frame(side: int, random: np.random.Generator) 
     mirror = np.diag([1.0, side, side, 1.0])
     rig = replace(taken.rig, clamp_offset=ClampOffset(np.array([1e-3, 2e-3])))
     taken = replace(taken, rig=rig, antenna_from_beam=taken.antenna_from_beam @ mirror)
-    problem = rod_problem_of(taken, problem_of(taken, with_tips=False))
+    problem = rod_problem_of(taken, problem_of(taken, with_tip=False))
     assert problem.rigid is not None
     expected = np.array([-1e-3, -side * 2e-3]) / BEAM.length
     np.testing.assert_allclose(problem.rigid.axis, expected, atol=1e-15)

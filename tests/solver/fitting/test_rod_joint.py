@@ -38,7 +38,7 @@ def problems(friction: float) -> tuple[list[RodProblem], Floats]:
         for strength in (0.15, 0.3):
             load = 3 * strength / place**2
             frame = measured(bent(0.0, place, load, friction), shape, random)
-            frames.append(rod_problem_of(frame, problem_of(frame, with_tips=False)))
+            frames.append(rod_problem_of(frame, problem_of(frame, with_tip=False)))
             starts.append([[load, place, 0.0]])
     return frames, np.array(starts)
 

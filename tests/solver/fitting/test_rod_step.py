@@ -26,7 +26,7 @@ def inclined(load: float = 1.2) -> tuple[Problem, SpatialRodProblem]:
     """Points of a beam in plane C, bent by a load [EI / L^2]; the rig does not know its plane."""
     taken = measured(bent(0.01, 0.6, load), WIRE, generator(__name__, 5))
     taken = replace(taken, view=replace(taken.view, viewpoint=VIEWPOINT))
-    problem = problem_of(taken, with_tips=False)
+    problem = problem_of(taken, with_tip=False)
     return problem, spatial(rod_problem_of(taken, problem), problem)
 
 

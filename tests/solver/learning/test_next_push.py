@@ -19,7 +19,7 @@ from tests.tapered import bent, measured
 
 def problem_with(shape: BeamShape) -> RodProblem:
     measurement = measured(bent(-0.05, 0.7, 0.6), shape, generator(__name__, 2))
-    return rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+    return rod_problem_of(measurement, problem_of(measurement, with_tip=False))
 
 
 def test_a_beam_without_uncertain_parameters_needs_no_push() -> None:

@@ -14,9 +14,7 @@ from tests.consistency import MOST_SIGMAS, nees
 from tests.draws import generator
 from tests.simulated import BEAM
 from tests.simulated_space import (
-    ABOVE_MIDDLE,
     BEHIND,
-    BESIDE,
     measured,
     plane_of,
     pushed,
@@ -65,9 +63,7 @@ def seen(kind: str, seed: int) -> Measurement:
         return measured(view(state, BEHIND, tip=True, random=random))
     if kind == "tip and moment":
         return measured(view(state, tip=True, random=random), moment=reading)
-    if kind == "moment":
-        return measured(view(state, random=random), moment=reading)
-    return measured(view(state, ABOVE_MIDDLE, random=random), view(state, BESIDE, random=random))
+    return measured(view(state, random=random), moment=reading)
 
 
 # What the same fit states of noise, in degrees.
@@ -79,7 +75,6 @@ def seen(kind: str, seed: int) -> Measurement:
         ("tip from behind", 0.05),
         ("tip and moment", 0.146),
         ("moment", 0.25),
-        ("second view", 0.003),
     ],
 )
 def test_psi_attains_its_limit_and_the_covariance_is_honest(kind: str, sigma_deg: float) -> None:

@@ -589,7 +589,7 @@ def test_the_tension_of_a_single_object_is_chance(
         last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles)
         push_frames = (*last.earlier, last)
         frames = tuple(PushFrame(one.motor_angle or 0.0) for one in push_frames)
-        points = [UniformPoints(problem_of(one, with_tips=False), 1.0) for one in push_frames]
+        points = [UniformPoints(problem_of(one, with_tip=False), 1.0) for one in push_frames]
         beam = UniformBeam(tuple(points), last.rig, last.base_covariance)
         pushing = np.radians(angles)
         matrix = ratio_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0, 0.0)
