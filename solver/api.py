@@ -9,7 +9,7 @@ from solver.centreline.extractors import find_extractor
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
-from solver.instrument.observation import open_rig as open_rig_files
+from solver.instrument.observation import open_rig_files
 from solver.lab.check import CalibrationReport, calibration_report
 from solver.lab.live import warm_up
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned

@@ -10,7 +10,7 @@ from solver.antenna import Antenna
 from solver.at_rest.learn import Learn, learn_at_rest
 from solver.calibrate import ambiguous, calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
-from solver.centreline.extractor import learn_beam
+from solver.centreline.extractor import learn_profile_fit
 from solver.centreline.guide import Guide
 from solver.first_start import compile_in_background
 from solver.instrument.arrays import Grey
@@ -27,7 +27,7 @@ MOST_COEFFICIENTS = 8
 OVEREXPOSED = 0.1
 
 
-def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
+def set_up(observations: Observations, learn: Learn = learn_profile_fit) -> Antenna:
     """Calibrate the camera, and learn the beam's appearance and rest pose.
 
     `learn` makes the extractor from the images of the beam at rest. Raises InputError if the

@@ -10,7 +10,7 @@ from solver.at_rest.learn import AtRest, learn_at_rest
 from solver.at_rest.pose import Rest
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
-from solver.centreline.extractor import learn_beam
+from solver.centreline.extractor import learn_profile_fit
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Grey
@@ -42,7 +42,9 @@ def rig() -> Rig:
 
 def at_rest(images: list[Grey], seen_by: Guide = GUIDE) -> AtRest:
     """What images (height, width) of the beam at rest teach. Raises InputError."""
-    return learn_at_rest(images, seen_by, learn_beam, Calibration(seen_by.camera, 0.02), rig())
+    return learn_at_rest(
+        images, seen_by, learn_profile_fit, Calibration(seen_by.camera, 0.02), rig()
+    )
 
 
 def antenna_with(rest: Rest) -> Antenna:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solver.at_rest.landmarks import Shift
-from solver.at_rest.thresholds import LIMITS
+from solver.at_rest.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 
@@ -26,7 +26,7 @@ def image_shift(measured: Shift | None, sigma_px: float) -> ImageShift:
     if measured is None:
         return ImageShift(np.zeros(2), prior)
     du, dv, uu, uv, vv = measured
-    error = np.array([[uu, uv], [uv, vv]]) + np.eye(2) * LIMITS.steadiness_px**2
+    error = np.array([[uu, uv], [uv, vv]]) + np.eye(2) * THRESHOLDS.steadiness_px**2
     gain = prior @ np.linalg.inv(prior + error)
     covariance = prior - gain @ prior
     return ImageShift(gain @ [du, dv], (covariance + covariance.T) / 2)

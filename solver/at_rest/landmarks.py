@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from solver.at_rest.thresholds import LIMITS
+from solver.at_rest.thresholds import THRESHOLDS
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
@@ -63,11 +63,11 @@ class Shift(NamedTuple):
 
     def exceeds(self, sigma_px: float) -> bool:
         """Return whether the shift exceeds three sigmas, where shifts of `sigma_px` are usual."""
-        usual_variance = LIMITS.steadiness_px**2 + sigma_px**2
+        usual_variance = THRESHOLDS.steadiness_px**2 + sigma_px**2
         uu, vv = self.uu + usual_variance, self.vv + usual_variance
         # Squared Mahalanobis distance, with the inverse of the covariance written out.
         distance2 = vv * self.du**2 - 2 * self.uv * self.du * self.dv + uu * self.dv**2
-        return distance2 > LIMITS.moved_chi2 * (uu * vv - self.uv**2)
+        return distance2 > THRESHOLDS.moved_chi2 * (uu * vv - self.uv**2)
 
 
 class Pixels(NamedTuple):
@@ -114,7 +114,7 @@ class Landmarks:
     @property
     def known(self) -> bool:
         """Whether a shift of half a pixel in any direction would be detected."""
-        return self.shift_sigma < LIMITS.known_sigma_px
+        return self.shift_sigma < THRESHOLDS.known_sigma_px
 
     @cached_property
     def shift_sigma(self) -> float:
@@ -144,10 +144,10 @@ class Landmarks:
         if len(self.pixels.rows) < MIN_LANDMARKS or self.shift_sigma > MAX_MEASURED_SIGMA_PX:
             return None
         match = _shift(image, self.pixels)
-        if not (match.agreeing >= LIMITS.min_share and match.scatter <= LIMITS.max_scatter):
+        if not (match.agreeing >= THRESHOLDS.min_share and match.scatter <= THRESHOLDS.max_scatter):
             return None
         light = median((image[::GRID, ::GRID] / self.mean).ravel())
-        if abs(match.gain - light) > LIMITS.max_shade * light + self._rounding:
+        if abs(match.gain - light) > THRESHOLDS.max_shade * light + self._rounding:
             return None
         # The median of n independent |x| exceeds this by chance in one image of a thousand.
         usual_scatter = 1 + 3.1 * 1.17 / math.sqrt(len(self.pixels.rows))
@@ -196,7 +196,7 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     cv2.polylines(usable, [path], isClosed=False, color=0, thickness=max(math.ceil(width), 1))
     strength = np.where(usable, np.hypot(along_u, along_v) / sigma, 0.0).ravel()
     strongest = np.argsort(strength)[::-1][:MAX_LANDMARKS]
-    selected = np.sort(strongest[strength[strongest] > LIMITS.min_gradient])
+    selected = np.sort(strongest[strength[strongest] > THRESHOLDS.min_gradient])
     rows, columns = np.divmod(selected, mean.shape[1])
     pixels = Pixels(
         rows,
@@ -214,7 +214,7 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
 def _shift(image: Grey, pixels: Pixels) -> _Match:
     """Measure the shift of an image (height, width), coarsely first if it is large."""
     match = _refined(image, pixels, 0.0, 0.0)
-    if match.agreeing >= LIMITS.min_share and match.scatter <= LIMITS.max_scatter:
+    if match.agreeing >= THRESHOLDS.min_share and match.scatter <= THRESHOLDS.max_scatter:
         return match
     # At large shifts the edges no longer overlap: the best whole pixel is searched first.
     rows, columns, gray, _, _, sigma = pixels
@@ -291,7 +291,7 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
             return unknown
         if abs(right[0]) + abs(right[1]) < 1e-3:
             break
-    if not 1 / LIMITS.max_gain < gain < LIMITS.max_gain:
+    if not 1 / THRESHOLDS.max_gain < gain < THRESHOLDS.max_gain:
         return unknown
     agreeing = 0
     for i in range(n):

@@ -13,7 +13,7 @@ import numpy as np
 from solver.at_rest.landmarks import Landmarks, learn_landmarks
 from solver.at_rest.motion import moved
 from solver.at_rest.pose import Rest, disagreements, learn_rest
-from solver.at_rest.thresholds import LIMITS
+from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
 from solver.centreline.extractor import Extractor
@@ -79,7 +79,7 @@ def learn_at_rest(
     else:
         used, outliers = distinct, ()
     largest = float(deviations.max(initial=0.0))
-    if largest > LIMITS.max_disagreement_px:
+    if largest > THRESHOLDS.max_disagreement_px:
         raise _placing_error(largest, used, lines, guide)
     noise = estimate_noise(used)
     rest = learn_rest(lines, calibration, rig)
@@ -123,11 +123,11 @@ def _check_direction(
     """Reject a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
     key = "board.antenna_from_board_rotation_vector_deg"
     angle = math.atan(rest.slope)
-    if abs(angle) > LIMITS.max_misalignment and rig.camera_mount == "antenna":
+    if abs(angle) > THRESHOLDS.max_misalignment and rig.camera_mount == "antenna":
         raise InputError(
             f"the beam at rest is at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
-            f"are {LIMITS.max_misalignment / DEGREE:.0f}: correct the third number of {key}, or "
-            "the origin, base.position_mm"
+            f"are {THRESHOLDS.max_misalignment / DEGREE:.0f}: correct the third number of {key}, "
+            "or the origin, base.position_mm"
         )
     detector = extract.detector
     if line.tip is None and detector is not None:
@@ -176,7 +176,7 @@ def _learn_extractor(
             single = learn(images[:1], guide)
             lines = [single(image) for image in images]
             largest = float(disagreements(lines).max(initial=0.0))
-            if largest > LIMITS.max_disagreement_px:
+            if largest > THRESHOLDS.max_disagreement_px:
                 raise _placing_error(largest, images, lines, guide) from None
         raise
     return extract, [extract(image) for image in images]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solver.at_rest.thresholds import LIMITS
+from solver.at_rest.thresholds import THRESHOLDS
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats, Grey
 
@@ -60,4 +60,4 @@ def _significant(difference: Floats, mean: Floats, line: Centreline, half: int) 
     coefficients = solution[:_TERMS]
     chi2 = coefficients @ np.linalg.pinv(inverse[:_TERMS, :_TERMS]) @ coefficients / variance
     largest = np.abs(shape @ coefficients).max()
-    return bool(chi2 > LIMITS.disagreement_chi2 and largest > LIMITS.disagreement_px)
+    return bool(chi2 > THRESHOLDS.disagreement_chi2 and largest > THRESHOLDS.disagreement_px)

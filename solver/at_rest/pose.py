@@ -14,7 +14,7 @@ import numpy as np
 from solver.at_rest.grid_fit import LinearFit, least_squares
 from solver.at_rest.mean_line import MeanLine, centres, mean_line, place_keys
 from solver.at_rest.pattern import NODES, pattern_of, share_that_follows
-from solver.at_rest.thresholds import LIMITS
+from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
 from solver.fitting.correlation import correlation_length
@@ -64,7 +64,7 @@ class Rest:
         if not self.bow.any():
             return False
         significance = self.bow @ np.linalg.pinv(self.covariance[2:, 2:]) @ self.bow
-        return bool(significance > LIMITS.bow_chi2)
+        return bool(significance > THRESHOLDS.bow_chi2)
 
     @cached_property
     def line_covariance(self) -> Floats:
@@ -157,10 +157,10 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     """
     mean = mean_line(lines, calibration)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
-    if len(points) < LIMITS.min_points:
+    if len(points) < THRESHOLDS.min_points:
         raise InputError(
             f"the rest images show {len(points)} columns of the beam, "
-            f"needed are {LIMITS.min_points}"
+            f"needed are {THRESHOLDS.min_points}"
         )
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
     bowed = least_squares(_curve(x, rig.beam.length), y, mean)
@@ -184,10 +184,10 @@ def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, rig:
     # Both fits are compared by the scatter about the curve, which fits the beam in either case.
     gain = straight.chi2 - bowed.chi2
     if len(x) > MIN_BOW_POINTS:
-        if gain <= LIMITS.bow_chi2 * bowed.scatter:
+        if gain <= THRESHOLDS.bow_chi2 * bowed.scatter:
             return _hardly_bowed(bowed, straight, gain, _small_bow(rig, mean.pixel), length)
         bend = float(np.abs(curve @ (c - s)).max())
-        if gain > LIMITS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
+        if gain > THRESHOLDS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
         # Uniform from straight to fully bowed: the second moment about zero.
         covariance += np.outer(c - s, c - s) / 3
@@ -239,7 +239,7 @@ def disagreements(lines: Sequence[Centreline]) -> Floats:
     deviations = np.zeros(len(lines))
     centre_by_key = [dict(zip(place_keys(line), centres(line), strict=True)) for line in lines]
     keys = sorted(set.intersection(*map(set, centre_by_key)))
-    if len(keys) < LIMITS.min_points:
+    if len(keys) < THRESHOLDS.min_points:
         return deviations
     centre = np.array([[centres[key] for key in keys] for centres in centre_by_key])
     shape = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, len(keys)), 3)
@@ -249,8 +249,8 @@ def disagreements(lines: Sequence[Centreline]) -> Floats:
         variance = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)
         largest = float(np.abs(smooth).max())
         if (
-            smooth @ smooth / variance > LIMITS.disagreement_chi2
-            and largest > LIMITS.disagreement_px
+            smooth @ smooth / variance > THRESHOLDS.disagreement_chi2
+            and largest > THRESHOLDS.disagreement_px
         ):
             deviations[i] = largest
     return deviations

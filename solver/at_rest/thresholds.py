@@ -47,4 +47,4 @@ class AtRestThresholds(NamedTuple):
     max_shade: float = 0.05
 
 
-LIMITS: Final = AtRestThresholds()
+THRESHOLDS: Final = AtRestThresholds()

@@ -19,7 +19,7 @@ from solver.calibrate.pinhole import pinhole
 from solver.calibrate.plane_alone import plane_alone
 from solver.calibrate.saddles import charuco, chessboard, other_chessboard
 from solver.calibrate.telecentric import telecentric
-from solver.calibrate.thresholds import LIMITS
+from solver.calibrate.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
@@ -85,7 +85,7 @@ def calibrate(board_views: Iterable[Grey], rig: Rig, quarter_turns: int = 0) -> 
     points = rig.base_position + offsets
     visible = calibration.camera.shows(points)
     in_image = np.abs(calibration.camera.project(points[visible]) / [width, height] - 0.5) < 0.5
-    if np.mean(visible) < LIMITS.min_visible or not in_image.all(axis=1).any():
+    if np.mean(visible) < THRESHOLDS.min_visible or not in_image.all(axis=1).any():
         raise InputError(
             "the calibrated camera does not show the beam: it is behind the camera, beside the "
             "image or where the distortion is not one-to-one; check base.position_mm, "
@@ -131,7 +131,7 @@ def detect_board(view: Grey, board: Board, quarter_turns: int = 0) -> BoardDetec
     elif isinstance(board, Chessboard):
         detection = chessboard(view, board)
     if detection is None or len(detection) < min(
-        LIMITS.min_target_points, board.columns * board.rows
+        THRESHOLDS.min_target_points, board.columns * board.rows
     ):
         return None
     row, column = np.divmod(detection.numbers, board.columns)

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.calibrate.thresholds import LIMITS
+from solver.calibrate.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
@@ -25,7 +25,9 @@ class Stretch(NamedTuple):
     @property
     def is_significant(self) -> bool:
         """Whether the board is not square, beyond noise and the errors of a good printer."""
-        return abs(self.value) > max(LIMITS.max_stretch, LIMITS.max_stretch_sigmas * self.sigma)
+        return abs(self.value) > max(
+            THRESHOLDS.max_stretch, THRESHOLDS.max_stretch_sigmas * self.sigma
+        )
 
     @property
     def sentence(self) -> str:

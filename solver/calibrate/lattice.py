@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
-from solver.calibrate.thresholds import LIMITS
+from solver.calibrate.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 _START_COUNT: Final = 5
@@ -36,7 +36,7 @@ def crossings(darkness: Floats, scale: float, expected: int) -> Floats:
     if len(strengths) < 4:
         return np.empty((0, 2))
     typical = np.median(np.sort(strengths)[-expected:])
-    v, u = np.nonzero((response == local_max) & (response > LIMITS.min_response * typical))
+    v, u = np.nonzero((response == local_max) & (response > THRESHOLDS.min_response * typical))
     return np.column_stack([u, v]).astype(np.float64)
 
 
@@ -74,7 +74,9 @@ def _grow(candidates: Floats, tree: KDTree, start: int) -> Lattice:
                 step = sign * steps[node][axis]
                 neighbour = (node[0] + sign * axis[0], node[1] + sign * axis[1])
                 deviation, nearest = tree.query(nodes[node] + step)
-                is_close = deviation < LIMITS.max_lattice_deviation * float(np.linalg.norm(step))
+                is_close = deviation < THRESHOLDS.max_lattice_deviation * float(
+                    np.linalg.norm(step)
+                )
                 if neighbour in nodes or nearest in used or not is_close:
                     continue
                 nodes[neighbour] = candidates[nearest]

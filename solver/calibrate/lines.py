@@ -10,7 +10,7 @@ from scipy.ndimage import spline_filter
 from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.lattice import Lattice, Node, crossings, lattice
 from solver.calibrate.strokes import Stroke, crossing, stroke
-from solver.calibrate.thresholds import LIMITS
+from solver.calibrate.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import LineNetwork
 
@@ -52,7 +52,7 @@ def line_network(view: Grey, board: LineNetwork) -> BoardDetection | None:
         # Reject a crossing near the image's border, or far from its detection.
         if (
             margin > max_width
-            and np.linalg.norm(pixel - approximate) < LIMITS.max_crossing_deviation * spacing
+            and np.linalg.norm(pixel - approximate) < THRESHOLDS.max_crossing_deviation * spacing
         ):
             detected[row * board.columns + column] = pixel
     if not detected:
@@ -113,6 +113,6 @@ def _thick(strokes: dict[int, Stroke]) -> int | None:
         if neighbours:
             ratio[number] = line.width / (sum(neighbours) / len(neighbours))
     thick = [
-        number for number, width_ratio in ratio.items() if width_ratio > LIMITS.min_thick_ratio
+        number for number, width_ratio in ratio.items() if width_ratio > THRESHOLDS.min_thick_ratio
     ]
     return thick[0] if len(thick) == 1 else None

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration, Stretch, determined
-from solver.calibrate.thresholds import LIMITS
+from solver.calibrate.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board
 from solver.instrument.camera import Camera
@@ -38,10 +38,10 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
     Every point has the same weight; the least squares run in float64 to 14 digits. Raises
     InputError if there are fewer than three views.
     """
-    if len(seen) < LIMITS.min_views:
+    if len(seen) < THRESHOLDS.min_views:
         raise InputError(
             f"{len(seen)} calibration views show enough of the board, needed are "
-            f"{LIMITS.min_views}; a single view works with 0 camera.distortion_coefficients, "
+            f"{THRESHOLDS.min_views}; a single view works with 0 camera.distortion_coefficients, "
             "as in the paper"
         )
     bundle, fit = _adjust_bundle(rig, seen, width, height)
@@ -102,11 +102,11 @@ def _adjust_bundle(
 def _without_outliers(
     detections: Sequence[BoardDetection], residuals: Floats
 ) -> list[BoardDetection]:
-    """Remove points whose error exceeds LIMITS.outlier_ratio times the median."""
+    """Remove points whose error exceeds THRESHOLDS.outlier_ratio times the median."""
     total = sum(map(len, detections))
     errors = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
     # At least a hundredth of a pixel: points without noise err by rounding alone.
-    inlier = errors <= LIMITS.outlier_ratio * max(float(np.median(errors)), 0.01)
+    inlier = errors <= THRESHOLDS.outlier_ratio * max(float(np.median(errors)), 0.01)
     masks = np.split(inlier, np.cumsum([len(detection) for detection in detections])[:-1])
     return [
         BoardDetection(detection.numbers[mask], detection.pixels[mask])

@@ -26,7 +26,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import least_squares
 
 from solver.beam_models.rod_stretch import LEAST_WIDTH, least_width
-from solver.calibrate.thresholds import LIMITS
+from solver.calibrate.thresholds import THRESHOLDS
 from solver.fitting.correlation import correlation_length
 from solver.fitting.rod_problem import in_beam_frame
 from solver.instrument.arrays import Floats
@@ -117,9 +117,9 @@ def flexural_rigidity(
     if not np.abs(result.residuals).max() < _NO_SHAPE:
         raise InputError(
             f"no beam of {1e3 * length:g} mm under a weight fits the images: is its slope above "
-            f"{math.degrees(LIMITS.max_slope):.0f} deg, or does another force bend it?"
+            f"{math.degrees(THRESHOLDS.max_slope):.0f} deg, or does another force bend it?"
         )
-    if not fit.success or not ratio > LIMITS.min_load_sigmas * ratio_sigma:
+    if not fit.success or not ratio > THRESHOLDS.min_load_sigmas * ratio_sigma:
         raise InputError(
             "the weight bends the beam too little to determine EI: use a heavier one or a larger "
             "distance from the clamp"
@@ -301,20 +301,20 @@ def _check_consistency(deviations: Floats, sigmas: Floats, misfit: float, of_sha
     (m,) [sigma] are deviations from the stated shape.
     """
     place, level = deviations * sigmas
-    if misfit > LIMITS.max_weight_misfit:
+    if misfit > THRESHOLDS.max_weight_misfit:
         raise InputError(
             f"the points deviate by {misfit:.1f} sigma from the fitted beam, allowed is "
-            f"{LIMITS.max_weight_misfit:g}: only the weight may bend the beam, and nothing "
+            f"{THRESHOLDS.max_weight_misfit:g}: only the weight may bend the beam, and nothing "
             "may touch it"
         )
     of_beam = float(np.abs(of_shape).max(initial=0.0))
-    if of_beam > max(LIMITS.max_weight_deviation, np.abs(deviations).max()):
+    if of_beam > max(THRESHOLDS.max_weight_deviation, np.abs(deviations).max()):
         raise InputError(
             f"the beam or its clamp is {of_beam:.0f} sigmas from what rig.json states: correct "
             "beam_shape, or learn the beam"
         )
     largest = int(np.argmax(np.abs(deviations)))
-    if abs(deviations[largest]) <= LIMITS.max_weight_deviation:
+    if abs(deviations[largest]) <= THRESHOLDS.max_weight_deviation:
         return
     if largest == 0:
         raise InputError(
@@ -379,7 +379,7 @@ def hung_beam(
     solution = solve_bvp(derivatives, boundary, np.linspace(0, 1, 11), np.zeros((8, 11)), tol=1e-6)
     state = solution.sol(_NODES)
     theta = np.concatenate([state[0], state[1][1:]])
-    if not solution.success or np.abs(theta).max() > LIMITS.max_slope:
+    if not solution.success or np.abs(theta).max() > THRESHOLDS.max_slope:
         return None
     x, y = (np.concatenate([part[0], part[1][1:]]) for part in (state[4:6], state[6:8]))
     return CubicHermiteSpline(x, y, np.tan(theta))
@@ -389,10 +389,10 @@ def _pool(measurements: Sequence[Measurement], when: str) -> _Points:
     """Pool the points of several images and their sigma vectors, in order along the beam."""
     points = np.vstack([measurement.points for measurement in measurements])
     sigmas = np.vstack([measurement.sigma_vectors for measurement in measurements])
-    if len(points) < LIMITS.min_weight_points:
+    if len(points) < THRESHOLDS.min_weight_points:
         raise InputError(
             f"the images of the beam {when} show {len(points)} points, "
-            f"needed are {LIMITS.min_weight_points}"
+            f"needed are {THRESHOLDS.min_weight_points}"
         )
     order = np.argsort(points[:, 0], kind="stable")
     return _Points(points[order], sigmas[order])

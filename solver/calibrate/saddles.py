@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.calibrate.board_detection import BoardDetection
-from solver.calibrate.thresholds import LIMITS
+from solver.calibrate.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import Charuco, Chessboard
 from solver.instrument.errors import InputError
@@ -108,7 +108,7 @@ def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
         raise InputError(f"a calibration view shows {other}")
     if detection is None:
         mirrored, _ = _marked_corners(np.ascontiguousarray(enlarged[:, ::-1]), board)
-        if mirrored is not None and len(mirrored) >= LIMITS.min_target_points:
+        if mirrored is not None and len(mirrored) >= THRESHOLDS.min_target_points:
             raise InputError(
                 "the images are mirrored: the board's markers can be read only in their mirror "
                 "image; switch the mirroring off in the camera, and take all images again"

@@ -48,4 +48,4 @@ class CalibrationThresholds(NamedTuple):
     max_weight_misfit: float = 3.0
 
 
-LIMITS: Final = CalibrationThresholds()
+THRESHOLDS: Final = CalibrationThresholds()

@@ -26,7 +26,7 @@ from solver.centreline.second_line import SecondLine
 from solver.centreline.section_on_ground import section_on_ground
 from solver.centreline.section_search import find_sections
 from solver.centreline.stations import Stations, stations
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.medians import SIGMA_OVER_MAD
@@ -121,10 +121,10 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     on_beam = line.places[(line.places[:, 0] > 0) & (line.places[:, 0] < 0.98 * guide.length)]
     path, beam = guide.pixels(on_beam), _to_the_tip(line.places, guide)
     places = stations(path, mean.shape)
-    if len(places) < LIMITS.min_stations:
+    if len(places) < THRESHOLDS.min_stations:
         raise InputError(
             f"the rest images show {len(places)} columns of the beam, "
-            f"needed are {LIMITS.min_stations}"
+            f"needed are {THRESHOLDS.min_stations}"
         )
     second_line = "" if line.second is None else _sentence(line.second, guide)
     clear = math.inf if line.second is None else line.second.clear_px
@@ -138,12 +138,12 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     if ground is not None:
         # A nearer line is a part of the ground. What is left moves the beam alike at rest and bent.
         look = _look_before(rest, ground, beam, stated)
-    elif overlap > LIMITS.max_overlap_contrast:
+    elif overlap > THRESHOLDS.max_overlap_contrast:
         raise InputError(
             f"{second_line}; it begins {clear:.1f} px from the beam's axis, needed are {needed}"
         )
     else:
-        moved_px = LIMITS.overlap_sigma_px * overlap
+        moved_px = THRESHOLDS.overlap_sigma_px * overlap
         sampled, table = _sampled(rest), None
         if sampled is not None:
             path = _moved(path, places, places.sense * sampled.off_path)
@@ -153,10 +153,11 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     x, y = guide.places(path).T
     slope = float(np.polyfit(x, y, 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
-    if look.sigma_px > LIMITS.max_scatter_px:
+    if look.sigma_px > THRESHOLDS.max_scatter_px:
         raise InputError(
             f"the columns of the beam at rest scatter by {look.sigma_px:.1f} px about a smooth "
-            f"curve, allowed is {LIMITS.max_scatter_px:g}: the ground's structure hides the beam"
+            f"curve, allowed is {THRESHOLDS.max_scatter_px:g}: the ground's structure hides the "
+            "beam"
         )
     radius = look.section.radius * guide.pixel
     look = replace(look, second_line=second_line, second_line_sigma_px=moved_px)
@@ -206,7 +207,7 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
     """
     shapes = _described(rest)
     shape, others = (shapes[0], shapes[1:]) if shapes else (None, [])
-    if sampled is not None and (shape is None or shape.misfit > LIMITS.max_section_misfit):
+    if sampled is not None and (shape is None or shape.misfit > THRESHOLDS.max_section_misfit):
         other = rest.shape(_nominal(rest), sampled)
         if shape is None or other.course_sigma < shape.course_sigma:
             shape = other

@@ -17,7 +17,7 @@ import numpy as np
 from solver.centreline import Centreline, down_columns
 from solver.centreline.appearance import shading_weight
 from solver.centreline.guide import Guide
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 
@@ -98,13 +98,15 @@ def _band(image: Grey) -> _Band:
     background, noise = _background(image)
     contrast = image.max(axis=0) - background
     visible = contrast > np.maximum(
-        LIMITS.area_contrast * np.quantile(contrast, 0.9), LIMITS.area_sigmas * noise
+        THRESHOLDS.area_contrast * np.quantile(contrast, 0.9), THRESHOLDS.area_sigmas * noise
     )
     # Columns without a beam: the threshold is their brightest pixel, which none exceeds.
-    threshold = np.where(visible, background + LIMITS.area_level * contrast, background + contrast)
+    threshold = np.where(
+        visible, background + THRESHOLDS.area_level * contrast, background + contrast
+    )
     crop, band = _longest_band(image > threshold.astype(image.dtype))
     height = np.count_nonzero(band, axis=0)
-    columns = np.flatnonzero(visible & (height > 0) & (height <= LIMITS.area_width_px))
+    columns = np.flatnonzero(visible & (height > 0) & (height <= THRESHOLDS.area_width_px))
     rows = _window(np.argmax(band[:, columns], axis=0), len(band))
     gray = image[crop][rows, columns].astype(np.float64)
     return _Band(
@@ -140,13 +142,13 @@ def _longest_band(above: np.ndarray) -> tuple[slice, np.ndarray]:
         return slice(0, len(above)), above
     longest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_WIDTH]))
     top, height = stats[longest, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT]]
-    crop = slice(max(top - LIMITS.area_width_px, 0), top + height + LIMITS.area_width_px)
+    crop = slice(max(top - THRESHOLDS.area_width_px, 0), top + height + THRESHOLDS.area_width_px)
     return crop, np.asarray(labels[crop] == longest)
 
 
 def _window(first: np.ndarray, height: int) -> np.ndarray:
     """Return rows (n, columns) of windows that start two pixels above a band's first row."""
-    size = min(LIMITS.area_width_px + 4, height)
+    size = min(THRESHOLDS.area_width_px + 4, height)
     top = np.clip(first - 2, 0, height - size)
     return np.asarray(top + np.arange(size)[:, None])
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline import Centreline, Flag
-from solver.centreline.extractor import BeamExtractor, learn_beam
+from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import MARGIN
 from solver.instrument.arrays import Floats, Grey
@@ -64,7 +64,7 @@ class CentroidExtractor:
 
 def learn_centroid(images: Sequence[Grey], guide: Guide) -> CentroidExtractor:
     """Learn the beam from images (height, width) of it at rest. Raises InputError."""
-    return CentroidExtractor(learn_beam(images, guide))
+    return CentroidExtractor(learn_profile_fit(images, guide))
 
 
 def _windows(image: Grey, points: Floats, upright: npt.NDArray[np.bool_], half: int) -> Floats:

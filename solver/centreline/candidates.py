@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.noise import ROUNDING, Noise
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
@@ -47,7 +47,9 @@ def _scan(
     # Threshold at the least possible noise, in units of `response`.
     scale = 1.0 / (core * SIDE)
     threshold = (
-        LIMITS.candidate_sigmas * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
+        THRESHOLDS.candidate_sigmas
+        * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE))
+        / scale
     )
     out, count = np.empty((len(lines), MAX_PER_LINE, 4)), np.zeros(len(lines), np.int64)
     for v in range(margin + 1, len(response) - margin - 1):
@@ -60,7 +62,7 @@ def _scan(
             r = here[j] * scale
             gray = abs(level[v, j]) / SIDE + r / 2
             variance = max(dark + per_gray * gray, ROUNDING) * (1.0 / core + 1.0 / SIDE)
-            if r * r < LIMITS.candidate_sigmas**2 * variance:
+            if r * r < THRESHOLDS.candidate_sigmas**2 * variance:
                 continue
             curvature = before[j] - 2 * here[j] + after[j]
             place = v + (0.5 * (before[j] - after[j]) / curvature if curvature < 0 else 0.0)

@@ -14,7 +14,7 @@ import numpy as np
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Profile, interpolated, spline_profile
 from solver.centreline.stations import Stations
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 
 # Distance [px] of the spline's knots, or this part of a wide profile. Chosen: at half a pixel, the
@@ -73,7 +73,7 @@ def read_columns(
     gray = pixels.mean(axis=0)
     variance = np.array(noise.variance(gray)) / len(pixels)
     variance[(pixels >= full_scale).any(axis=0)] = np.inf
-    enough = np.isfinite(variance).sum(axis=1) >= LIMITS.min_pixels
+    enough = np.isfinite(variance).sum(axis=1) >= THRESHOLDS.min_pixels
     used, across = used[enough], across[enough]
     return Columns(
         gray=gray[enough],
@@ -97,7 +97,7 @@ def effective_profile(columns: Columns, reach: float, polarity: int) -> Effectiv
     Amplitudes have the sign of `polarity`. In each column, the background is a straight line.
     Return None for fewer columns than `min_stations`.
     """
-    if len(columns.gray) < LIMITS.min_stations:
+    if len(columns.gray) < THRESHOLDS.min_stations:
         return None
     weight = 1 / np.sqrt(columns.variance)
     step = max(KNOT_PX, reach / KNOTS)
@@ -129,7 +129,7 @@ def effective_profile(columns: Columns, reach: float, polarity: int) -> Effectiv
         values = _spline(design[good], gray[good], len(knots))
         residual = gray - design @ values
         misfit = (residual**2).mean(axis=1)
-        good = misfit <= LIMITS.max_misfit * np.median(misfit)
+        good = misfit <= THRESHOLDS.max_misfit * np.median(misfit)
         chi2 = float(np.median(misfit))
         if best is not None and chi2 > (1 - CONVERGED) * least:
             break

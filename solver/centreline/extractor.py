@@ -22,7 +22,7 @@ from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import Fits
 from solver.centreline.stations import Stations, stations
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.tip import TipEstimate, find_tip
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
@@ -70,7 +70,7 @@ class BeamExtractor:
     def __call__(self, image: Grey) -> Centreline:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
         appearance, guide = self.appearance, self.guide
-        max_tilt = LIMITS.max_tilt if guide.free_tilt else 0.0
+        max_tilt = THRESHOLDS.max_tilt if guide.free_tilt else 0.0
         ground, flat = appearance.ground_at_rest, image
         gain = None if ground is None else ground.gain(image)
         if ground is None or gain is None:
@@ -81,7 +81,7 @@ class BeamExtractor:
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
         line = self._measure(image, flat, ground, path)
-        if line.tip is not None or self._extent(line) > LIMITS.min_extent:
+        if line.tip is not None or self._extent(line) > THRESHOLDS.min_extent:
             return line
         # A beam that is bent far turns out of the shapes and the lines of the detection.
         path = follow(line.points, guide, lambda nodes: self._centres(image, ground, nodes))
@@ -152,7 +152,7 @@ class BeamExtractor:
         """
         appearance = self.appearance
         places = stations(self.guide.pixels(path.places), image.shape)
-        if len(places) < LIMITS.min_curve_points:
+        if len(places) < THRESHOLDS.min_curve_points:
             return down_columns(np.empty((0, 2)), np.empty(0))
         columns = self._columns(image, flat, ground, places)
         if appearance.is_sampled and len(columns.smooth):
@@ -194,7 +194,10 @@ class BeamExtractor:
         length_px = self.guide.length / self.guide.pixel
         tip = find_tip(flat, places, flags, fits, self.appearance)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
-        if tip is not None and not LIMITS.min_length < tip.length / length_px < LIMITS.max_length:
+        if (
+            tip is not None
+            and not THRESHOLDS.min_length < tip.length / length_px < THRESHOLDS.max_length
+        ):
             tip = None
         # The beam covers its last columns only in part.
         on_beam = places.length < (length_px if tip is None else tip.length - 1.5)
@@ -209,11 +212,13 @@ class BeamExtractor:
         appearance = self.appearance
         ratio = max(background, 1.0) / max(appearance.ground, 1.0)
         is_step = (
-            abs(background - appearance.ground) > LIMITS.min_light_step * appearance.full_scale
+            abs(background - appearance.ground) > THRESHOLDS.min_light_step * appearance.full_scale
         )
         if (
-            not (is_step and not 1 / LIMITS.max_light_ratio < ratio < LIMITS.max_light_ratio)
-            and 1 / LIMITS.max_light_ratio < beam < LIMITS.max_light_ratio
+            not (
+                is_step and not 1 / THRESHOLDS.max_light_ratio < ratio < THRESHOLDS.max_light_ratio
+            )
+            and 1 / THRESHOLDS.max_light_ratio < beam < THRESHOLDS.max_light_ratio
         ):
             return ""
         return (
@@ -330,7 +335,7 @@ def _select(
     )
 
 
-def learn_beam(images: Sequence[Grey], guide: Guide) -> BeamExtractor:
+def learn_profile_fit(images: Sequence[Grey], guide: Guide) -> BeamExtractor:
     """Learn the beam from images (height, width) of it at rest. Raises InputError."""
     appearance, turned = learn_appearance(images, guide)
     return BeamExtractor(appearance, turned)

@@ -5,13 +5,13 @@ from typing import Final
 
 from solver.centreline.area_weighted import learn_area_weighted
 from solver.centreline.background_subtracted import learn_centroid
-from solver.centreline.extractor import Extractor, learn_beam
+from solver.centreline.extractor import Extractor, learn_profile_fit
 from solver.centreline.guide import Guide
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 
 EXTRACTORS: Final[dict[str, Callable[[Sequence[Grey], Guide], Extractor]]] = {
-    "profile_fit": learn_beam,
+    "profile_fit": learn_profile_fit,
     "background_subtracted": learn_centroid,
     "area_weighted": learn_area_weighted,
 }

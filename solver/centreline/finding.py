@@ -17,7 +17,7 @@ from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
 from solver.centreline.smooth import curve
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
@@ -56,11 +56,11 @@ def find_path(
     pixels = detections[:, :2] if guide.scans_columns else detections[:, 1::-1]
     places = guide.places(np.ascontiguousarray(pixels))
     x, y, line, strength = _within_reach(places, detections, guide.length)
-    if len(x) < LIMITS.min_lines:
+    if len(x) < THRESHOLDS.min_lines:
         return None
     # Anchors far from the clamp constrain the shape most; the strongest come first.
     anchors = np.argsort(-strength * x)[:ANCHORS]
-    tolerance = max(LIMITS.near_px, LIMITS.near_radii * guide.radius_px) * guide.pixel
+    tolerance = max(THRESHOLDS.near_px, THRESHOLDS.near_radii * guide.radius_px) * guide.pixel
     load, tilt, x_c, score = _consensus(
         x, y, line, strength, anchors, guide.length * DISTANCES, tolerance, max_tilt
     )
@@ -70,12 +70,12 @@ def find_path(
             x, y, line, strength, anchors, x_c * BETWEEN, tolerance / NEARER, max_tilt
         )
     agreed, n_lines = _agreeing(x, y, line, tolerance, load, tilt, x_c)
-    if score <= 0 or n_lines < LIMITS.min_lines:
+    if score <= 0 or n_lines < THRESHOLDS.min_lines:
         return None
     along = guide.length * PLACES
     across = _shape(along, load, tilt, x_c)
     half_px = np.full(agreed.shape[1], 0.5 * guide.pixel)
-    correction = curve(agreed[0], agreed[1], half_px, along, _DEGREE, LIMITS.tukey_cut)
+    correction = curve(agreed[0], agreed[1], half_px, along, _DEGREE, THRESHOLDS.tukey_cut)
     if len(correction) > 0:
         across += correction
     return Path(np.column_stack([along, across]))

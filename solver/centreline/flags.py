@@ -12,7 +12,7 @@ from solver.centreline.smooth import (
     local_scatter,
     running_median,
 )
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.centreline import Flag
 from solver.instrument.compiled import njit
@@ -47,28 +47,30 @@ def flag_columns(
     """
     # A textured background raises the misfit of every column, and a profile that was seen in part
     # that of the columns at other places between the pixels.
-    plausible = misfit[(brightness > LIMITS.min_brightness) & (brightness < LIMITS.max_brightness)]
+    plausible = misfit[
+        (brightness > THRESHOLDS.min_brightness) & (brightness < THRESHOLDS.max_brightness)
+    ]
     typical_misfit = 1.0
     if len(plausible) > 0:
-        typical = np.quantile(plausible, LIMITS.in_part_share) if in_part else median(plausible)
+        typical = np.quantile(plausible, THRESHOLDS.in_part_share) if in_part else median(plausible)
         typical_misfit = max(typical, 1.0)
     flags = np.zeros(len(brightness), np.uint8)
     for i in range(len(brightness)):
         # On a textured background the amplitude must exceed a larger threshold.
         enlarged_sigma = amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
         faint = (
-            brightness[i] < LIMITS.min_brightness
-            or abs(amplitude[i]) < LIMITS.amplitude_sigmas * enlarged_sigma
+            brightness[i] < THRESHOLDS.min_brightness
+            or abs(amplitude[i]) < THRESHOLDS.amplitude_sigmas * enlarged_sigma
         )
-        if faint or not sigma[i] < LIMITS.max_sigma_px:
+        if faint or not sigma[i] < THRESHOLDS.max_sigma_px:
             flags[i] = HIDDEN
-        elif brightness[i] > LIMITS.max_brightness:
+        elif brightness[i] > THRESHOLDS.max_brightness:
             flags[i] = FOREIGN
-        elif misfit[i] > LIMITS.max_misfit * typical_misfit:
+        elif misfit[i] > THRESHOLDS.max_misfit * typical_misfit:
             # A beam that comes nearer to the camera looks wider than at rest in all columns: a
             # foreign object differs from the columns about it.
             local_misfit = min(local_median(misfit, i, _MISFIT_WIDTH), 30.0)
-            if misfit[i] > LIMITS.max_misfit * local_misfit:
+            if misfit[i] > THRESHOLDS.max_misfit * local_misfit:
                 flags[i] = FOREIGN
         if flags[i] > 0 and saturated[i] > 0:
             flags[i] = SATURATED
@@ -99,14 +101,14 @@ def fit_and_flag_outliers(
         sigma[i] *= inflation
         residual = abs(off_path[i] - smooth[i])
         if flags[i] == 0 and residual > max(
-            LIMITS.max_residual_px, LIMITS.max_residual_sigmas * sigma[i]
+            THRESHOLDS.max_residual_px, THRESHOLDS.max_residual_sigmas * sigma[i]
         ):
             flags[i] = FOREIGN
     # A separate mask: a column that is rejected here does not cause further rejections.
     near_edge = np.zeros(n, np.bool_)
     for i in range(n - 1):
         if flags[i] == FOREIGN and flags[i + 1] == FOREIGN:
-            near_edge[max(i - LIMITS.edge_columns, 0) : i + LIMITS.edge_columns + 1] = True
+            near_edge[max(i - THRESHOLDS.edge_columns, 0) : i + THRESHOLDS.edge_columns + 1] = True
     for i in range(n):
         if near_edge[i] and flags[i] == 0:
             flags[i] = FOREIGN
@@ -119,16 +121,16 @@ def _course(length: Floats, off_path: Floats, sigma: Floats) -> tuple[Floats, fl
 
     The course has length 0 if too few points have a finite sigma.
     """
-    smooth = curve(length, off_path, sigma, length, DEGREE, LIMITS.tukey_cut)
+    smooth = curve(length, off_path, sigma, length, DEGREE, THRESHOLDS.tukey_cut)
     if len(smooth) == 0:
         return smooth, 1.0
     inflation = _sigma_inflation(_normalised(off_path, smooth, sigma))
     if inflation > 1:
-        fine = curve(length, off_path, sigma, length, FINE_DEGREE, LIMITS.tukey_cut)
+        fine = curve(length, off_path, sigma, length, FINE_DEGREE, THRESHOLDS.tukey_cut)
         if len(fine) > 0:
             fine_inflation = _sigma_inflation(_normalised(off_path, fine, sigma))
             # A finer curve does not reduce scatter, but it reduces the misfit of a smooth beam.
-            if fine_inflation < LIMITS.max_fine_inflation * inflation:
+            if fine_inflation < THRESHOLDS.max_fine_inflation * inflation:
                 smooth, inflation = fine, fine_inflation
     return smooth, inflation
 
@@ -168,7 +170,7 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
     for i in range(len(brightness)):
         if on_beam[i]:
             index[count], x[count], y[count] = i, length[i], brightness[i]
-            sigma[count] = LIMITS.max_brightness_deviation / 3 if flags[i] == 0 else np.inf
+            sigma[count] = THRESHOLDS.max_brightness_deviation / 3 if flags[i] == 0 else np.inf
             count += 1
     medians = running_median(y[:count], _BRIGHTNESS_WIDTH)
     smooth = curve(
@@ -181,7 +183,9 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
                 deviation[n_good] = abs(medians[k] / smooth[k] - 1)
                 n_good += 1
         # Under spotted light the threshold rises with the typical deviation.
-        threshold = max(LIMITS.max_brightness_deviation, _DISTURBED * median(deviation[:n_good]))
+        threshold = max(
+            THRESHOLDS.max_brightness_deviation, _DISTURBED * median(deviation[:n_good])
+        )
         for k in range(count):
             disturbed[index[k]] = abs(medians[k] / smooth[k] - 1) > threshold
     return disturbed

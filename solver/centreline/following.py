@@ -11,7 +11,7 @@ import numpy as np
 
 from solver.centreline.finding import PLACES, Path
 from solver.centreline.guide import Guide
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 # Distance [px] between the nodes of a path, each the mean of the points about it. Chosen: a beam
@@ -31,7 +31,7 @@ def follow(points: Floats, guide: Guide, measure: Measure) -> Path | None:
 
     Return None with too few points.
     """
-    if len(points) < LIMITS.min_curve_points:
+    if len(points) < THRESHOLDS.min_curve_points:
         return None
     clamp = guide.pixels(np.zeros((1, 2)))
     end = 1.06 * guide.length

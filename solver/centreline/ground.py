@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.noise import Noise
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.medians import median
@@ -152,7 +152,7 @@ def _disturbed_share(
     noise = sliding(variance, size, axis=0)[::TEST_PX, ::TEST_PX][beside].mean(axis=-1)
     mean_noise = sliding(mean_variance, size, axis=0)[::TEST_PX, ::TEST_PX][beside].mean(axis=-1)
     structure = squares - mean_noise
-    return float(np.mean(structure > (LIMITS.max_misfit - 1) * noise)) if len(windows) else 0.0
+    return float(np.mean(structure > (THRESHOLDS.max_misfit - 1) * noise)) if len(windows) else 0.0
 
 
 def _fine_variance(gray: Floats, mean_variance: Floats, under: Mask) -> float:

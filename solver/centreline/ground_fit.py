@@ -15,7 +15,7 @@ from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.profile_fit import MAX_STEPS, TOLERANCE_PX, Fits, fit_profiles
 from solver.centreline.stations import Stations
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, copy_into
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
@@ -75,7 +75,7 @@ def fit_columns(
         dof=fields[6].astype(np.int64),
         saturated=fields[7].astype(np.int64),
     )
-    unlikely = before.chi2 > LIMITS.max_misfit * np.maximum(before.dof, 1)
+    unlikely = before.chi2 > THRESHOLDS.max_misfit * np.maximum(before.dof, 1)
     keep = np.isfinite(before.sigma) & ~(unlikely & (plain.chi2 < before.chi2))
     return Fits(
         *(
@@ -130,7 +130,7 @@ def _fit(
         for k in range(size):
             used += gray[k] < full_scale
         out[7, i] = size - used
-        if used < LIMITS.min_pixels:
+        if used < THRESHOLDS.min_pixels:
             continue
         _fit_column(
             start[i], first, half, min(climb[i], 1.0), sense[i], value[table[i]], slope[table[i]],

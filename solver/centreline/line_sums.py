@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from solver.centreline.guide import LINES, Guide
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 # Part of the beam's length that is summed: its clamp and its end are left out.
@@ -66,7 +66,7 @@ def line_at(x: Floats, tip: float, bow: float) -> Floats:
 
 
 def line_sums(
-    sheet: Sheet, tips: Floats, bows: Floats, support: float = LIMITS.min_support_at_rest
+    sheet: Sheet, tips: Floats, bows: Floats, support: float = THRESHOLDS.min_support_at_rest
 ) -> Floats:
     """Average the sheet along each line (tip, bow, offset).
 

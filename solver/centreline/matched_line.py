@@ -15,7 +15,7 @@ from solver.centreline.candidates import GAP, SIDE
 from solver.centreline.guide import LINES
 from solver.centreline.line_sums import Line, Sheet, line_sums
 from solver.centreline.noise import ROUNDING
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.medians import SIGMA_OVER_MAD
 
@@ -30,15 +30,15 @@ def find_matched_line(
     """
     # Lines elsewhere are as long as the beam: shorter ones scatter more.
     whole = float(np.isfinite(sheet.gray).any(axis=0).mean())
-    beside = np.abs(sheet.offset) > 2 * (radius + GAP + SIDE) + LIMITS.near_px
+    beside = np.abs(sheet.offset) > 2 * (radius + GAP + SIDE) + THRESHOLDS.near_px
     elsewhere = line_sums(sheet, tips, bows, whole)
     elsewhere[..., ~beside] = np.nan
     matched = _filter(elsewhere, radius)
     if matched is None:
         return None
-    near = np.abs(sheet.offset) <= max(LIMITS.near_px, LIMITS.near_radii_at_rest * radius)
+    near = np.abs(sheet.offset) <= max(THRESHOLDS.near_px, THRESHOLDS.near_radii_at_rest * radius)
     coarse = line_sums(sheet, tips, bows)
-    best, most = None, LIMITS.min_line_sigmas
+    best, most = None, THRESHOLDS.min_line_sigmas
     for polarity in (1, -1):
         by_chance = float(np.max(matched.sigmas(elsewhere, polarity)))
         tip, bow, _ = _largest(matched.sigmas(coarse, polarity)[..., near])

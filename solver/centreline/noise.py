@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import nnls
 
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 
 # Rounding to whole gray values alone has this variance.
@@ -32,7 +32,7 @@ class Noise:
 
     def processed(self, image: Grey) -> bool:
         """Return whether images like this one (height, width) were compressed or denoised."""
-        return bool(np.median(self.variance(image.astype(np.float64))) < LIMITS.min_noise**2)
+        return bool(np.median(self.variance(image.astype(np.float64))) < THRESHOLDS.min_noise**2)
 
 
 def estimate_noise(images: Sequence[Grey]) -> Noise:

@@ -15,7 +15,7 @@ from solver.centreline.columns import read_column, table_position, table_value
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
@@ -107,7 +107,7 @@ def _fit(
         if read_column(image, along[i], upright[i], first, gray):
             used, sums = _weigh(gray, gray, full_scale, dark, per_gray, half, weight)
             row[7] = size - used
-            if used >= LIMITS.min_pixels:
+            if used >= THRESHOLDS.min_pixels:
                 _fit_column(
                     start[i], first, half, min(climb[i], 1.0), sense[i],
                     value[table[i]], slope[table[i]],

@@ -11,7 +11,7 @@ from solver.centreline.profile import Profile, Section, profile
 from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
 from solver.centreline.smooth import smooth_curve
 from solver.centreline.stations import Stations
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.medians import SIGMA_OVER_MAD
@@ -111,8 +111,8 @@ def half_width(section: Section) -> int:
 
 def check_count(good: Mask) -> None:
     """Raise InputError for fewer columns of the beam than `min_stations`."""
-    if np.count_nonzero(good) < LIMITS.min_stations:
+    if np.count_nonzero(good) < THRESHOLDS.min_stations:
         raise InputError(
             f"the rest images show {np.count_nonzero(good)} columns of the beam, "
-            f"needed are {LIMITS.min_stations}"
+            f"needed are {THRESHOLDS.min_stations}"
         )

@@ -16,7 +16,7 @@ from solver.centreline.line_sums import Line, Sheet, line_at, line_sums, straigh
 from solver.centreline.matched_line import find_matched_line
 from solver.centreline.noise import ROUNDING
 from solver.centreline.second_line import GROUND_PX, SecondLine, across, find_second_line
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.medians import SIGMA_OVER_MAD
 
@@ -69,7 +69,7 @@ def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestLi
 
 def _trials(guide: Guide, step: float) -> tuple[Floats, Floats]:
     """Return the trial tips and bows [px] of lines, a `step` apart."""
-    largest_tip = LIMITS.max_askew * guide.length / guide.pixel
+    largest_tip = THRESHOLDS.max_askew * guide.length / guide.pixel
     return (
         np.arange(-largest_tip, largest_tip + step, step),
         np.arange(-MAX_BOW_PX, MAX_BOW_PX + step, step),
@@ -84,8 +84,10 @@ def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line
     largest = -np.inf
     for width in widths:
         core = max(2, round(width * 2 * guide.radius_px))
-        near = np.abs(sheet.offset) <= max(LIMITS.near_px, LIMITS.near_radii_at_rest * core / 2)
-        beside = np.abs(sheet.offset) > core + 2 * (GAP + SIDE) + LIMITS.near_px
+        near = np.abs(sheet.offset) <= max(
+            THRESHOLDS.near_px, THRESHOLDS.near_radii_at_rest * core / 2
+        )
+        beside = np.abs(sheet.offset) > core + 2 * (GAP + SIDE) + THRESHOLDS.near_px
         for polarity in (1, -1):
             contrasts = _contrasts(coarse, core, polarity)
             elsewhere = contrasts[..., beside]
@@ -103,7 +105,7 @@ def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line
             fine = _contrasts(line_sums(sheet, *finer), core, polarity)[..., near]
             tip, bow, offset = np.unravel_index(np.nanargmax(fine), fine.shape)
             contrast = float(fine[tip, bow, offset])
-            if contrast > max(largest, middle + LIMITS.min_line_sigmas * by_chance):
+            if contrast > max(largest, middle + THRESHOLDS.min_line_sigmas * by_chance):
                 start = sheet.offset[near][offset]
                 line = Line(finer[0][tip], finer[1][bow], start, polarity, width)
                 if not _is_gap(sheet, line, contrast, width * guide.radius_px):
@@ -116,7 +118,7 @@ def _is_gap(sheet: Sheet, line: Line, contrast: float, radius: float) -> bool:
     means = across(sheet, line, radius)
     if means is None:
         return False
-    relief, least = line.polarity * means.relief, LIMITS.min_relief * contrast
+    relief, least = line.polarity * means.relief, THRESHOLDS.min_relief * contrast
     own = np.abs(means.offset) <= radius + 1
     sides = [
         relief[(means.offset * side > 0) & (np.abs(means.offset) <= 2 * radius + GROUND_PX)]

@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 
 from solver.centreline.line_sums import Line, Sheet, line_at
 from solver.centreline.peaks import find_peaks
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.medians import SIGMA_OVER_MAD
 
@@ -61,7 +61,7 @@ def across(sheet: Sheet, line: Line, radius: float) -> Across | None:
             for shift, gray in zip(course, sheet.gray.T, strict=True)
         ]
     )
-    known = np.isfinite(aligned).mean(axis=1) >= LIMITS.min_support_at_rest
+    known = np.isfinite(aligned).mean(axis=1) >= THRESHOLDS.min_support_at_rest
     middle = len(known) // 2
     if not known[middle]:
         return None
@@ -86,12 +86,12 @@ def find_second_line(means: Across, polarity: int, radius: float) -> SecondLine 
     beside = np.abs(offset) > radius + GROUND_PX
     if height <= 0 or not beside.any():
         return None
-    left, right = (_edge(beam, top, side, LIMITS.beam_edge) for side in (-1, 1))
+    left, right = (_edge(beam, top, side, THRESHOLDS.beam_edge) for side in (-1, 1))
     axis, edge = top + (right - left) / 2, (right + left) / 2
     if not math.isfinite(axis):
         return None
     by_chance = SIGMA_OVER_MAD * float(np.median(np.abs(beam[beside])))
-    least = max(LIMITS.min_second_contrast * height, LIMITS.min_line_sigmas * by_chance)
+    least = max(THRESHOLDS.min_second_contrast * height, THRESHOLDS.min_line_sigmas * by_chance)
     reach = max(REACH_PX, REACH_RADII * radius)
     lines = []
     for sign in (1, -1):
@@ -100,11 +100,11 @@ def find_second_line(means: Across, polarity: int, radius: float) -> SecondLine 
         for peak, prominence in find_peaks(relief, least):
             side = 1 if peak > axis else -1
             distance = side * (_vertex(relief, peak) - axis)
-            if not edge + LIMITS.min_gap_px <= distance <= reach:
+            if not edge + THRESHOLDS.min_gap_px <= distance <= reach:
                 continue
             opposite = round(2 * axis) - peak
             mirrored = relief[max(opposite - 1, 0) : max(opposite + 2, 0)]
-            if sign < 0 and mirrored.max(initial=0.0) > LIMITS.flank_symmetry * prominence:
+            if sign < 0 and mirrored.max(initial=0.0) > THRESHOLDS.flank_symmetry * prominence:
                 continue
             # The outer flank: the inner one may overlap with the beam's.
             clear = distance - _edge(relief, peak, side, FOOT)

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from solver.centreline.profile import Section
 from solver.centreline.rest_columns import RestColumns
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 # Where a thin beam lies along one row of pixels, the images hardly determine its section: a prior
@@ -66,7 +66,7 @@ def find_sections(rest: RestColumns) -> list[Section]:
         order = np.argsort(costs)
         found = [found[k] for k in order if costs[k] < min(costs) + _EQUAL_COST]
     misfit = _misfit(rest, found[0])
-    if misfit > LIMITS.processed_misfit:
+    if misfit > THRESHOLDS.processed_misfit:
         # The noise of processed images is no reference: misfits are scaled by that of the first.
         found = [_best(rest, (*STARTS, *PROCESSED_STARTS), misfit)]
     return [section for p in found if (section := _section(p, rest.radius)) is not None]
@@ -91,7 +91,7 @@ def _cost(rest: RestColumns, p: Floats, criterion: _Criterion) -> float:
     misfit_unit = criterion.misfit_unit
     fits = rest.fits(rest.table(section), criterion.half)
     centre, good = rest.mean_centre(fits)
-    if np.count_nonzero(good) < LIMITS.min_stations:
+    if np.count_nonzero(good) < THRESHOLDS.min_stations:
         return _NOTHING
     residual = centre - rest.smooth(centre, good)
     sigma = np.median([f.sigma[good] for f in fits], axis=0) / np.sqrt(len(fits))

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
@@ -28,7 +28,7 @@ def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: Any = DEGREE) -> F
     known points it is constant. Points farther off than `tukey_cut` times their typical scatter
     have zero weight. Return None with too few points.
     """
-    values: Floats = curve(x, y, sigma, x, np.int64(degree), LIMITS.tukey_cut)
+    values: Floats = curve(x, y, sigma, x, np.int64(degree), THRESHOLDS.tukey_cut)
     return values if len(values) else None
 
 
@@ -44,7 +44,7 @@ def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: flo
         if np.isfinite(sigma[i]):
             known_x[count], known_y[count], known_sigma[count] = x[i], y[i], sigma[i]
             low, high, count = min(low, x[i]), max(high, x[i]), count + 1
-    if count < LIMITS.min_curve_points or high <= low:
+    if count < THRESHOLDS.min_curve_points or high <= low:
         return empty
     span = (high - low) / max(highest - lowest, 1e-300)
     max_degree = degree if span > 0.6 else 5 if span > 0.3 else 3 if span > 0.1 else 1

@@ -126,4 +126,4 @@ class CentrelineThresholds(NamedTuple):
     area_width_px: int = 12
 
 
-LIMITS: Final = CentrelineThresholds()
+THRESHOLDS: Final = CentrelineThresholds()

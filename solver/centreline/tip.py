@@ -10,7 +10,7 @@ from solver.centreline.amplitude import fit_amplitudes
 from solver.centreline.appearance import Appearance
 from solver.centreline.profile_fit import Fits
 from solver.centreline.stations import Stations
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.medians import median
@@ -134,16 +134,16 @@ def _covered_columns(
     brightness, variance = amplitude / typical, amplitude_variance / typical**2
     reference, reference_sigma = reference_amplitude / typical, reference_amplitude_sigma / typical
     dark = n_good
-    while dark < len(brightness) and not abs(brightness[dark]) < LIMITS.dark_fraction:
+    while dark < len(brightness) and not abs(brightness[dark]) < THRESHOLDS.dark_fraction:
         dark += 1
     if dark > n_good + fade - 1 or not np.isfinite(brightness).all():
         return ambiguous
     end = dark + BLUR_COLUMNS + 1
     beyond = brightness[end : end + N_BEYOND]
-    if (np.abs(beyond) > LIMITS.dark_fraction).any():
+    if (np.abs(beyond) > THRESHOLDS.dark_fraction).any():
         return ambiguous
     step = abs(median(background[end : end + N_BEYOND]) - median(reference_background))
-    if step > LIMITS.max_step_sigmas * reference_background.std() + 0.5:
+    if step > THRESHOLDS.max_step_sigmas * reference_background.std() + 0.5:
         return ambiguous
     covered, total_variance = brightness[:end].sum(), variance[:end].sum()
     # Noise of the brightnesses averages out. Where a shadow or a light makes them differ by more,
@@ -152,7 +152,7 @@ def _covered_columns(
     unexplained = max(scatter - (reference_sigma * reference_sigma).mean(), 0.0)
     total_variance += covered * covered * (scatter / len(reference) + unexplained)
     # An object that touches the beam near its end biases all columns in the same direction.
-    excess = np.maximum(misfit[:n_good] - LIMITS.max_tip_misfit, 0.0)
+    excess = np.maximum(misfit[:n_good] - THRESHOLDS.max_tip_misfit, 0.0)
     total_variance += np.sqrt(variance[:n_good] * excess).sum() ** 2
     # Background that looks like the beam beyond the end does so at the end, too.
     total_variance += (end - n_good) ** 2 * (beyond * beyond).mean()

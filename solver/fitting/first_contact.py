@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.fitting.correlation import integrated_correlation
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import dot
@@ -67,14 +67,14 @@ def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> B
     if (points[1:, 0] < points[:-1, 0]).any():  # correlated neighbours must be adjacent
         order = np.argsort(points[:, 0], kind="stable")
         points, sigma_vectors = points[order], sigma_vectors[order]
-    if len(points) < LIMITS.min_bend_points:
+    if len(points) < THRESHOLDS.min_bend_points:
         return Bend(length, 0.0, 0.0)
     return Bend(*_fit_bend(points, sigma_vectors, measurement.base_covariance, length))
 
 
 def no_contact(bend: Bend) -> Estimate | None:
     """Return an Estimate if there is no bend, or one to the side without object; else None."""
-    if abs(bend.significance) < LIMITS.contact_sigmas:
+    if abs(bend.significance) < THRESHOLDS.contact_sigmas:
         return Estimate(Outcome.NO_CONTACT, f"bend of {abs(bend.significance):.1f} sigmas")
     if bend.significance < 0:
         return Estimate(

@@ -10,7 +10,7 @@ from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.fit import FrameFit
 from solver.fitting.minimise import DEFICIENT, STOPPED
 from solver.fitting.problem import Problem
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.estimate import Estimate, Outcome
@@ -26,10 +26,10 @@ def refusal_of(
     the beam may appear bent to either side of its rest position, as where its plane is steeper
     than the rays to the camera.
     """
-    if problem.points < LIMITS.min_points:
+    if problem.points < THRESHOLDS.min_points:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE,
-            f"{problem.points} visible points, needed are {LIMITS.min_points}",
+            f"{problem.points} visible points, needed are {THRESHOLDS.min_points}",
         )
     refusal = no_contact(nearest_linear_bend(measurement, _inliers(measurement, fit)))
     if refusal is not None and not (either_side and refusal.outcome is Outcome.INVALID):
@@ -44,8 +44,8 @@ def refusal_of(
     rejected = int(np.count_nonzero(outliers))
     if (
         max(
-            rejected / len(outliers) / LIMITS.max_rejected,
-            _in_runs(outliers) / LIMITS.max_in_runs,
+            rejected / len(outliers) / THRESHOLDS.max_rejected,
+            _in_runs(outliers) / THRESHOLDS.max_in_runs,
         )
         > 1
     ):
@@ -62,7 +62,7 @@ def refusal_of(
 def _failed(problem: Problem, message: str = "") -> Estimate:
     """Return the outcome of a fit without a minimum; a short stretch need not have one."""
     visible = float(np.hypot(*problem.arrays.points[:2]).max())
-    if visible < LIMITS.short_stretch:
+    if visible < THRESHOLDS.short_stretch:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"only the first {100 * visible:.0f} % of the beam is visible"
         )
@@ -87,8 +87,8 @@ def estimate_from_fit(
     def failure(outcome: Outcome, message: str = "") -> Estimate:
         return Estimate(outcome, message, chi2=fit.chi2, dof=dof, iterations=fit.iterations)
 
-    in_runs = _in_runs(~fit.kept[problem.order]) > LIMITS.some_in_runs
-    max_chi2 = LIMITS.max_chi2_beside_runs if in_runs else LIMITS.max_chi2
+    in_runs = _in_runs(~fit.kept[problem.order]) > THRESHOLDS.some_in_runs
+    max_chi2 = THRESHOLDS.max_chi2_beside_runs if in_runs else THRESHOLDS.max_chi2
     if fit.chi2 / dof > max_chi2:
         return failure(
             Outcome.INVALID,
@@ -124,4 +124,4 @@ def _inliers(measurement: Measurement, fit: FrameFit | None) -> Mask | None:
         return None
     inliers = fit.kept[: len(measurement.points)]
     # If more points are rejected, the model is wrong, not the points.
-    return None if inliers.all() or inliers.mean() < 1 - LIMITS.max_rejected else inliers
+    return None if inliers.all() or inliers.mean() < 1 - THRESHOLDS.max_rejected else inliers

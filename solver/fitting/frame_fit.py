@@ -25,7 +25,7 @@ from solver.fitting.minimise import (
 from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
 from solver.fitting.robust import VARIANCE_FACTOR, scale
 from solver.fitting.starts import consensus
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import interpreted, njit
 
@@ -103,18 +103,18 @@ def fit_robust(
     dof = max(len(residual) - 2, 1)
     # Six sigmas of chi2 detect a run of outliers that has biased the least-squares fit.
     limit = dof * (1 + 6 * math.sqrt(2 / dof))
-    if chi2 > limit or status == STOPPED or _exceed(residual, LIMITS.suspicious_sigmas):
+    if chi2 > limit or status == STOPPED or _exceed(residual, THRESHOLDS.suspicious_sigmas):
         # Use the stated sigmas; larger ones only if most of the inliers' residuals require it.
-        cut = LIMITS.tukey_cut
+        cut = THRESHOLDS.tukey_cut
         second_start = p.copy()
         if consensus(problem, free, tilt_variance, p[PSI], cut, work, second_start):
             status, iterations = _minimise_both(
                 p, second_start, problem, free, cut, work, covariance
             )
             point_residuals(p, points, view, _PLANAR, residual, work[1])
-            inflation = scale(residual, LIMITS.max_scale)
-            if inflation > LIMITS.min_scale:
-                cut = LIMITS.tukey_cut * inflation
+            inflation = scale(residual, THRESHOLDS.max_scale)
+            if inflation > THRESHOLDS.min_scale:
+                cut = THRESHOLDS.tukey_cut * inflation
                 status, _, extra = minimise(
                     p, problem, free, cut, _FINAL_ITERATIONS, work, covariance
                 )

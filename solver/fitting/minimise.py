@@ -16,7 +16,7 @@ from solver.fitting.residuals import (
     point_residuals,
 )
 from solver.fitting.robust import tukey
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
@@ -97,7 +97,7 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
     for k in free:
         # Information about this parameter if those before it are unknown too.
         pivot = covariance[k, k]
-        if not pivot > LIMITS.min_pivot * normal[k, k]:
+        if not pivot > THRESHOLDS.min_pivot * normal[k, k]:
             return False
         covariance[k, k] = 1.0
         for b in range(PARAMETERS):
@@ -167,8 +167,8 @@ def minimise(
             if abs(step[parameter]) > max_step:
                 fraction = min(fraction, max_step / abs(step[parameter]))
         length = np.sqrt(max(length2, 0.0))
-        last = length < LIMITS.step_sigmas or (
-            length < _SHORT and length**3 < LIMITS.step_sigmas * previous_length**2
+        last = length < THRESHOLDS.step_sigmas or (
+            length < _SHORT and length**3 < THRESHOLDS.step_sigmas * previous_length**2
         )
         previous_length = length if fraction == 1.0 else 0.0
         if fraction == 1.0 and last:

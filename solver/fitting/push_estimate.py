@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from solver.fitting.gauss_newton import Fit
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, Push
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.unknown_friction import force_variance_second_order
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
@@ -54,7 +54,7 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
     if fit.rank_deficient:
         return single_frame(single, f"{count} frames do not determine the push")
     consistency, equations = push.consistency_chi2(fit.parameters)
-    if consistency > chdtri(equations, LIMITS.false_rejection):
+    if consistency > chdtri(equations, THRESHOLDS.false_rejection):
         return failure(
             f"the {count} frames of the push do not fit one object at one place on a linear "
             f"spring: chi^2 of the push is {consistency:.3g} on {equations} degrees of freedom",
@@ -64,7 +64,7 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
         return single_frame(single, f"the fit of {count} frames did not converge")
     radius_index = push.size - 1
     excess_radius = fit.parameters[radius_index] - last.rig.beam.radius
-    if excess_radius < -LIMITS.impossible_sigmas * math.sqrt(
+    if excess_radius < -THRESHOLDS.impossible_sigmas * math.sqrt(
         fit.covariance[radius_index, radius_index]
     ):
         return failure(
@@ -75,12 +75,14 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
     coefficient = fit.parameters[push.size] if push.friction else 0.0
     if (
         coefficient < 0
-        and coefficient**2 > LIMITS.impossible_sigmas**2 * fit.covariance[push.size, push.size]
+        and coefficient**2 > THRESHOLDS.impossible_sigmas**2 * fit.covariance[push.size, push.size]
     ):
         return failure("the coefficient of friction would be negative")
     values, covariance = _quantities(push, last, fit)
     row = list(values).index("compliance_m_per_n")
-    if values["compliance_m_per_n"] < -LIMITS.impossible_sigmas * math.sqrt(covariance[row, row]):
+    if values["compliance_m_per_n"] < -THRESHOLDS.impossible_sigmas * math.sqrt(
+        covariance[row, row]
+    ):
         return failure(
             "the compliance would be negative: the motor turns about another axis than the rig "
             "states, or the beam is not the rig's",
@@ -172,7 +174,7 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     input_covariance = np.zeros((n + 2, n + 2))
     input_covariance[:n, :n] = fit.covariance
     input_covariance[[n, n + 1], [n, n + 1]] = last_shape.input_variances
-    if compliance > LIMITS.soft_sigmas * math.sqrt(
+    if compliance > THRESHOLDS.soft_sigmas * math.sqrt(
         float(jacobian[rows] @ input_covariance @ jacobian[rows])
     ):
         values["stiffness_n_per_m"] = 1 / compliance

@@ -19,7 +19,7 @@ from scipy.linalg import lstsq
 from solver.fitting.gauss_newton import Fit, Linearised
 from solver.fitting.push_beam import PushBeam, PushFrame
 from solver.fitting.push_geometry import about_axis, first_about_axis, touch
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 
@@ -74,7 +74,7 @@ class Push:
     @property
     def encoder_sigma(self) -> float:
         """Sigma of the motor angle [rad]."""
-        return max(self.rig.tolerances.encoder, LIMITS.min_encoder_sigma)
+        return max(self.rig.tolerances.encoder, THRESHOLDS.min_encoder_sigma)
 
     @property
     def base(self) -> slice:

@@ -28,19 +28,19 @@ from solver.instrument.arrays import Floats
 _OBJECT: Final = 0.05
 
 
-class Touch(NamedTuple):
+class TouchedPlace(NamedTuple):
     """Image of a contact on plane C: `place` (2,) over the length, `direction` (2,) of the beam."""
 
     place: Floats
     direction: Floats
 
 
-def touch_of(problem: RodProblem, p: Floats) -> Touch:
+def touched_place(problem: RodProblem, p: Floats) -> TouchedPlace:
     """Compute the contact of a fit with parameters p (p,)."""
     shape = p[: problem.shape_size]
     curve = curve_of(shape, problem.widths, problem.radius, STEPS)
     _, theta, x, y, *_ = contact_of(curve, shape)[0]
-    return Touch(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
+    return TouchedPlace(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
 
 
 def reflection_matters(problem: RodProblem) -> bool:
@@ -48,19 +48,19 @@ def reflection_matters(problem: RodProblem) -> bool:
     return reflection(problem.points, problem.radius) > LEAST_REFLECTION
 
 
-def lit_by_object(problem: P, touch: Touch) -> P:
+def lit_by_object(problem: P, touch: TouchedPlace) -> P:
     """Add the light that an object reflects, as errors of the frame's own."""
     return with_own_errors(problem, _light(problem, touch))
 
 
-def lit_by_objects(problem: P, touch: Touch) -> P:
+def lit_by_objects(problem: P, touch: TouchedPlace) -> P:
     """Add the light that an object reflects, of which a part is the same in all frames."""
     light = _light(problem, touch)
     problem = with_common_errors(problem, math.sqrt(SHARED_VARIANCE_FRACTION) * light)
     return with_own_errors(problem, math.sqrt(1 - SHARED_VARIANCE_FRACTION) * light)
 
 
-def _light(problem: RodProblem, touch: Touch) -> Floats:
+def _light(problem: RodProblem, touch: TouchedPlace) -> Floats:
     """Compute the shift of the points (n, 2), in sigmas: beside the contact, and ahead of it."""
     x, y = (problem.points[[X, Y]] - touch.place[:, None]) / _OBJECT
     shift = REFLECTED * problem.radius / (1 + x * x + y * y)

@@ -29,7 +29,7 @@ from solver.beam_models.exact import (
     bend_at,
     horner,
 )
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
@@ -79,7 +79,7 @@ def is_feasible(
         across = cosine * (vy - vw * points[Y, i]) - sine * (vx - vw * points[X, i])
         low, high = min(low, across), max(high, across)
     for across in (low, high):
-        if np.cos(p[PSI]) - np.sin(p[PSI]) * across < LIMITS.min_grazing:
+        if np.cos(p[PSI]) - np.sin(p[PSI]) * across < THRESHOLDS.min_grazing:
             return False
     return True
 

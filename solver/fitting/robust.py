@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
@@ -32,7 +32,7 @@ def scale(residual: Floats, max_factor: float) -> float:
     """
     count = 0
     for r in residual:
-        if abs(r) < LIMITS.tukey_cut:
+        if abs(r) < THRESHOLDS.tukey_cut:
             count += 1
     factor = 1.0
     while factor < max_factor:

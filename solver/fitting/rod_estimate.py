@@ -12,14 +12,14 @@ from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem, problem_of
-from solver.fitting.reflected_light import lit_by_object, reflection_matters, touch_of
+from solver.fitting.reflected_light import lit_by_object, reflection_matters, touched_place
 from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
 from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_values import rod_values
 from solver.fitting.stated_beam import prior_conflict
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -37,7 +37,7 @@ def rod_estimate(
     """
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip=False)
-    enough = problem.points >= LIMITS.min_points
+    enough = problem.points >= THRESHOLDS.min_points
     fitted = fit_with_neighbours(problem, rod_problem(bowed, problem)) if enough else None
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(measurement, problem, fit)
@@ -90,7 +90,7 @@ def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
     if rod.rigid is not None:
         rod = with_friction_sign(rod, friction_sign_of(rod, fit.p))
     if reflection_matters(rod):
-        rod = lit_by_object(rod, touch_of(rod, fit.p))
+        rod = lit_by_object(rod, touched_place(rod, fit.p))
     return RodFit(rod, fit if rod is alone else refitted(rod, fit))
 
 

@@ -16,7 +16,7 @@ from solver.fitting.frame_fit import variance_inflation
 from solver.fitting.minimise import CONVERGED, DEFICIENT, STOPPED
 from solver.fitting.robust import MEDIAN, VARIANCE_FACTOR, scale, tukey
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 _MAX_ITERATIONS: Final = 100
@@ -80,16 +80,16 @@ def fit_rod(problem: RodProblem, start: Floats) -> FrameFit | None:
     # As in `frame_fit`: six sigmas of chi2 detect a run of outliers that has biased the fit.
     limit = dof * (1 + 6 * math.sqrt(2 / dof))
     kept = np.ones(count, dtype=np.bool_)
-    robust = at.objective > limit or np.abs(residual).max() > LIMITS.suspicious_sigmas
+    robust = at.objective > limit or np.abs(residual).max() > THRESHOLDS.suspicious_sigmas
     if robust or status == STOPPED:
-        cut = LIMITS.tukey_cut
+        cut = THRESHOLDS.tukey_cut
         largest = float(np.median(np.abs(residual))) / MEDIAN
         halvings = max(math.ceil(math.log2(max(largest, 1.0))), 2)
         for power in np.linspace(halvings, 0, min(halvings, _MOST_CUTS) + 1):
             at, status, extra = _minimise(problem, at.p, 2.0**power * cut) or first
             iterations += extra
-        inflation = scale(at.residual, LIMITS.max_scale)
-        if inflation > LIMITS.min_scale:
+        inflation = scale(at.residual, THRESHOLDS.max_scale)
+        if inflation > THRESHOLDS.min_scale:
             cut *= inflation
             at, status, extra = _minimise(problem, at.p, cut) or first
             iterations += extra
@@ -136,7 +136,7 @@ def _minimise(problem: RodProblem, start: Floats, cut: float) -> _Minimum | None
             moved = _damped(problem, at, step, cut)
         if moved is not None:
             at, damping = moved, damping / _FACTOR if damping > _FIRST_DAMPING else 0.0
-            if length < LIMITS.step_sigmas:
+            if length < THRESHOLDS.step_sigmas:
                 return _Minimum(at, CONVERGED, iteration)
         else:
             damping = max(damping * _FACTOR, _FIRST_DAMPING)
@@ -155,7 +155,7 @@ def _moved(problem: RodProblem, at: _Linearised, cut: float) -> _Linearised | No
         moved = _after(problem, at, part * at.step, cut)
         if moved is None:
             continue
-        shorter = moved.length < (1 - part / 4) * at.length or at.length < LIMITS.step_sigmas
+        shorter = moved.length < (1 - part / 4) * at.length or at.length < THRESHOLDS.step_sigmas
         better = moved.objective <= at.objective - part * at.length**2 / 4
         if shorter or better if at.length < _NEAR else moved.objective <= at.objective * (1 + 1e-9):
             return moved
@@ -238,6 +238,6 @@ def _inverse(normal: Floats) -> Floats | None:
     if not (unit > 0).all():
         return None
     scaled = normal / np.outer(unit, unit)
-    if np.linalg.eigvalsh(scaled)[0] < LIMITS.min_pivot:
+    if np.linalg.eigvalsh(scaled)[0] < THRESHOLDS.min_pivot:
         return None
     return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))

@@ -17,7 +17,7 @@ import numpy as np
 from solver.beam_models.curve import Curve, U, interpolated
 from solver.beam_models.rod import FRICTION_RATIO, STEPS, Q, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y, weight_of
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
@@ -129,7 +129,7 @@ def _evaluate(
         ray_x = cos_tilt * (vx - vw * mx) + sin_tilt * (vy - vw * my)
         ray_y = cos_tilt * (vy - vw * my) - sin_tilt * (vx - vw * mx)
         grazing = cos_psi - sin_psi * ray_y
-        if grazing < LIMITS.min_grazing:
+        if grazing < THRESHOLDS.min_grazing:
             return False
         y = rotated_y / grazing
         x = rotated_x + sin_psi * ray_x * y

@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 # Share of the first reversal's angle up to which the beam certainly slides the first way. Chosen:
@@ -80,12 +80,12 @@ def _signs(angles: Floats, sigma: float) -> Floats:
     signs = np.zeros(len(angles))
     direction, reversal, farthest = 1.0, 0.0, 0.0
     for i, angle in enumerate(angles):
-        if direction * (angle - farthest) < -LIMITS.back_sigmas * sigma:
+        if direction * (angle - farthest) < -THRESHOLDS.back_sigmas * sigma:
             direction, reversal, farthest = -direction, farthest, angle
         elif direction * (angle - farthest) > 0:
             farthest = angle
-        sliding = abs(farthest - reversal) > LIMITS.held_fraction * abs(reversal)
+        sliding = abs(farthest - reversal) > THRESHOLDS.held_fraction * abs(reversal)
         signs[i] = direction if sliding else 0.0
-    if len(angles) > 1 and angles.max() - angles[0] <= LIMITS.back_sigmas * sigma:
+    if len(angles) > 1 and angles.max() - angles[0] <= THRESHOLDS.back_sigmas * sigma:
         signs[0] = 0.0
     return signs

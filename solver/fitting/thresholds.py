@@ -95,4 +95,4 @@ class FittingThresholds(NamedTuple):
     max_tip_chi2: float = 25.0
 
 
-LIMITS: Final = FittingThresholds()
+THRESHOLDS: Final = FittingThresholds()

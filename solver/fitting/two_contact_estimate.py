@@ -10,13 +10,13 @@ from solver.fitting.alternative_taper import fit_alternative_taper
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of
-from solver.fitting.reflected_light import Touch, lit_by_object, reflection_matters
+from solver.fitting.reflected_light import TouchedPlace, lit_by_object, reflection_matters
 from solver.fitting.residuals import TILT as START_TILT
 from solver.fitting.rod_estimate import with_bow
 from solver.fitting.rod_fit import LeastSquares, fit_rod, least_squares
 from solver.fitting.rod_problem import rod_problem_of
 from solver.fitting.rod_residuals import PSI
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.two_contact_problem import (
     TwoContactProblem,
     starts_of,
@@ -48,7 +48,7 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
     """
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip=False)
-    if problem.points < LIMITS.min_points:
+    if problem.points < THRESHOLDS.min_points:
         return Estimate(Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points")
     double = two_contact_problem_of(rod_problem_of(bowed, problem))
     single = start_of(problem, float(double.mean[double.shape_size + PSI]))
@@ -103,7 +103,7 @@ def _lit_at_both(problem: TwoContactProblem, fit: FrameFit) -> TwoContactProblem
     shape = fit.p[: problem.shape_size]
     both = two_contacts_of(shape, problem.widths, problem.radius, STEPS)
     for _, theta, x, y, *_ in contacts_of(both, shape)[0]:
-        touch = Touch(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
+        touch = TouchedPlace(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
         problem = lit_by_object(problem, touch)
     return problem
 
@@ -116,7 +116,7 @@ def noise_chi2(dof: int) -> float:
 def _misfit(fit: FrameFit, dof: int) -> str:
     """Return why the points are not as near to the beam as their noise, or ""."""
     rejected = 1 - float(fit.kept.mean())
-    if rejected > LIMITS.max_rejected_beside_two:
+    if rejected > THRESHOLDS.max_rejected_beside_two:
         return f"{100 * rejected:.0f} % of the points do not fit a beam with two contacts"
     if fit.chi2 / dof > noise_chi2(dof):
         return f"a beam with two contacts leaves a chi2 of {fit.chi2 / dof:.1f} per degree"
@@ -137,9 +137,9 @@ def _undetermined(problem: TwoContactProblem, fit: FrameFit, name: str) -> str:
     i = ("outer", "inner").index(name)
     q, s = problem.forces[i], problem.places[i]
     force_sigma, place_sigma = np.sqrt(np.diag(fit.covariance)[[q, s]])
-    if abs(fit.p[q]) < LIMITS.contact_sigmas * force_sigma:
+    if abs(fit.p[q]) < THRESHOLDS.contact_sigmas * force_sigma:
         return f"the {name} force is {abs(fit.p[q]) / force_sigma:.1f} sigmas"
-    if place_sigma > LIMITS.weak_sigma:
+    if place_sigma > THRESHOLDS.weak_sigma:
         return f"the place of the {name} contact is not determined"
     return ""
 
@@ -158,11 +158,11 @@ def _impossible(measurement: Measurement, problem: TwoContactProblem, fit: Frame
     covariance = fit.covariance[np.ix_(problem.places, problem.places)]
     difference = np.array([1.0, -1.0])
     apart = math.sqrt(max(float(difference @ covariance @ difference), 0.0))
-    if outer - inner < LIMITS.contact_sigmas * apart:
+    if outer - inner < THRESHOLDS.contact_sigmas * apart:
         return "the two contacts are not apart"
     beam = measurement.rig.beam
     tolerance = measurement.rig.tolerances.beam_length / beam.length
     sigma = math.hypot(math.sqrt(covariance[0, 0]), tolerance)
-    if outer > 1 + LIMITS.beyond_tip_sigmas * sigma:
+    if outer > 1 + THRESHOLDS.beyond_tip_sigmas * sigma:
         return "the outer contact is beyond the tip"
     return ""

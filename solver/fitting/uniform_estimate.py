@@ -5,7 +5,7 @@ from typing import NamedTuple
 from solver.fitting.fit import fit_from, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.problem import problem_of
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.values import values_of
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -25,7 +25,7 @@ def uniform_estimate(measurement: Measurement) -> UniformEstimate:
     known_psi = measurement.rig.known_psi
     # If the rig deflects to -y, the beam's frame is mirrored and the inclination changes its sign.
     psi = measurement.handedness * (known_psi or 0.0)
-    start = start_of(problem, psi) if problem.points >= LIMITS.min_points else None
+    start = start_of(problem, psi) if problem.points >= THRESHOLDS.min_points else None
     fit = None if start is None else fit_from(problem, start, psi_free=False)
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or fit is None:

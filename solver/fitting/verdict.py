@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.rig import Rig
@@ -53,16 +53,16 @@ def verdict(
     """Return the outcome of a contact at distance x_c [m], arc length s_c [m], and the reason."""
     length = rig.free_length
     s_sigma = math.hypot(s_sigma, rig.tolerances.beam_length)
-    if s_c > length + LIMITS.beyond_tip_sigmas * s_sigma:
+    if s_c > length + THRESHOLDS.beyond_tip_sigmas * s_sigma:
         return (
             Outcome.INVALID,
             f"the contact is at {s_c:.4g} m, beyond the tip at {length:.4g} m",
         )
     if x_sigma > length:
         return Outcome.NOT_IDENTIFIABLE, "the contact can be anywhere on the beam"
-    if x_sigma > LIMITS.weak_sigma * length:
+    if x_sigma > THRESHOLDS.weak_sigma * length:
         return Outcome.WEAK_CONTACT, ""
-    if x_c < LIMITS.x_c_sigmas * x_sigma:
+    if x_c < THRESHOLDS.x_c_sigmas * x_sigma:
         return Outcome.NOT_IDENTIFIABLE, "the contact is within four sigma of the clamp"
     if s_c > length - 2 * s_sigma:
         return Outcome.TIP_CONTACT, ""

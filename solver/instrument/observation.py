@@ -70,7 +70,7 @@ def open_observations(root: str | Path) -> Observations:
     if not root.is_dir():
         raise InputError(f"{root}: is not a folder of observations")
     names = listed(root)
-    opened = open_rig(root)
+    opened = open_rig_files(root)
     frames = _frames(root, names, opened.rig.channel)
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv, images/*.png)")
@@ -135,7 +135,7 @@ def rig_file(path: Path) -> Path:
     return path / "rig.json" if path.is_dir() else path
 
 
-def open_rig(path: Path) -> Observations:
+def open_rig_files(path: Path) -> Observations:
     """Open a rig.json, or its folder, with the board views and the rest images.
 
     These are beside it as calibration/view_* and rest/rest_*, and images of the ground without the

@@ -17,7 +17,7 @@ from rich.console import Console
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
-from solver.instrument.observation import frames_beside, open_rig, rig_file, tables_beside
+from solver.instrument.observation import frames_beside, open_rig_files, rig_file, tables_beside
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
 from solver.lab.command_end import run_command
@@ -222,7 +222,7 @@ def warm(
     ] = "exact_fit",
 ) -> None:
     """Compile all code that a frame needs, so that the next start takes seconds."""
-    function, observations = find_method(method), open_rig(rig)
+    function, observations = find_method(method), open_rig_files(rig)
     start = time.perf_counter()
     with setting_up(quiet=False):
         warm_up(set_up(observations), function, next(observations.read_rest_images()))
@@ -301,7 +301,7 @@ def check(
         return
     if rig is None or protocol is not None:
         raise InputError("check needs either --rig or --protocol")
-    opened = open_rig(rig)
+    opened = open_rig_files(rig)
     frames = frames_beside(opened.root, opened.rig.channel)
     of_files = file_findings(opened, tables_beside(opened.root))
     report = calibration_report(set_up(opened), frames, len(opened.ground_images), of_files)

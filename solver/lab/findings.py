@@ -10,7 +10,7 @@ from solver.antenna import Antenna
 from solver.at_rest.landmarks import FARTHEST
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.fitting.first_contact import nearest_linear_bend
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.board import Charuco
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
@@ -184,7 +184,7 @@ def _landmarks(antenna: Antenna) -> Iterator[Finding]:
 def _side(antenna: Antenna, frames: Sequence[ImageFrame]) -> Iterator[Finding]:
     """Check the side to which the pushes bend the beam, which the rest images do not show."""
     significances = [_significance(antenna, frame) for frame in frames[:CHECKED_FRAMES]]
-    bent = [value for value in significances if abs(value) > LIMITS.contact_sigmas]
+    bent = [value for value in significances if abs(value) > THRESHOLDS.contact_sigmas]
     opposite = sum(value < 0 for value in bent)
     if 2 * opposite > len(bent):
         side = antenna.rig.deflects_towards

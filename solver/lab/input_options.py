@@ -12,7 +12,7 @@ from solver.instrument.observation import (
     Observations,
     frames_beside,
     open_observations,
-    open_rig,
+    open_rig_files,
     rig_file,
     tables_beside,
 )
@@ -57,7 +57,7 @@ def open_inputs(
     `channel` replaces the rig's, for images at rest and for frames. Raises InputError.
     """
     if rig is not None:
-        observations = open_rig(rig)
+        observations = open_rig_files(rig)
         used_channel = checked_channel(channel) or observations.rig.channel
         observations = replace(observations, rig=replace(observations.rig, channel=used_channel))
         source = (

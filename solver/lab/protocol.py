@@ -21,7 +21,7 @@ from solver.instrument.errors import InputError, quoted
 from solver.instrument.hashes import digest, read_bytes
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import image_files, image_head
-from solver.instrument.observation import Observations, frames_beside, open_rig
+from solver.instrument.observation import Observations, frames_beside, open_rig_files
 from solver.instrument.rig import Rig
 from solver.instrument.units import GRAM, MILLIMETRE
 from solver.lab.findings import Finding
@@ -133,7 +133,7 @@ def check_protocol(folder: Path) -> tuple[Protocol | None, list[Finding]]:
     except InputError as error:
         loads, wrong = [], [Finding("unreadable", str(error))]
     try:
-        observations = open_rig(folder)
+        observations = open_rig_files(folder)
         frames = frames_beside(observations.root, observations.rig.channel)
     except InputError as error:
         return None, [Finding("unreadable", str(error)), *wrong]

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from solver.fitting.push_joint import RADIUS_SIGMA
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.measurement import Measurement
@@ -93,7 +93,7 @@ def learn_clamp_offset(
     Each push is against one object at rest; `radius` is that of all objects, unknown if it is None.
     """
     touches = [_touches(push, rig) for push in pushes]
-    least = LIMITS.min_turn_sigmas * max(rig.tolerances.encoder, LIMITS.min_encoder_sigma)
+    least = THRESHOLDS.min_turn_sigmas * max(rig.tolerances.encoder, THRESHOLDS.min_encoder_sigma)
     turned = [push for push in touches if np.ptp([one.motor_angle for one in push] or [0]) > least]
     if len(turned) < _MIN_PUSHES or rig.camera_mount == "world":
         return None
@@ -109,7 +109,7 @@ def learn_clamp_offset(
         position = fit.offset
     # Radii and offset have priors: only the places reduce the degrees of freedom.
     dof = 2 * sum(len(push) - 1 for push in turned)
-    limits = chdtri([dof, 2], LIMITS.false_rejection)
+    limits = chdtri([dof, 2], THRESHOLDS.false_rejection)
     return LearnedOffset(
         offset=ClampOffset(fit.offset, fit.covariance),
         chi2=fit.chi2,
@@ -160,7 +160,7 @@ def _system(
 ) -> _System:
     """Make the equations, with weights at the offset `position` (2,)."""
     unknowns = 3 + 3 * len(pushes)
-    encoder = max(rig.tolerances.encoder, LIMITS.min_encoder_sigma)
+    encoder = max(rig.tolerances.encoder, THRESHOLDS.min_encoder_sigma)
     reach = rig.beam.radius + radius.radius
     rows, targets = [], []
     for i, push in enumerate(pushes):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from solver.beam_models.rod import S_C
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import CLAMP_SHIFT, BeamShape
 from solver.instrument.beam_shape import SOFTNESS as SOFT
@@ -69,7 +69,7 @@ def compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[T
     excess = misfits - misfits[int(np.argmin(misfits.mean(axis=1)))]
     frames = [frame for push in pushes for frame in push]
     correlation = float(np.mean([frame.correlation for frame in frames]))
-    noise = LIMITS.close_chi2 * correlation / sum(int(frame.inliers.sum()) for frame in frames)
+    noise = THRESHOLDS.close_chi2 * correlation / sum(int(frame.inliers.sum()) for frame in frames)
     error = excess.std(axis=1, ddof=1) / np.sqrt(len(pushes))
     return tuple(
         Trial(candidate, misfits[i], float(excess[i].mean()), float(error[i]), noise)
@@ -80,7 +80,7 @@ def compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[T
 def _impossible(shape: BeamShape) -> bool:
     """Test whether the clamp would turn against its moment: the beam begins beyond it instead."""
     alone = not shape.sigma(CLAMP_SHIFT)
-    return alone and shape.softness < -LIMITS.impossible_sigmas * shape.sigma(SOFT)
+    return alone and shape.softness < -THRESHOLDS.impossible_sigmas * shape.sigma(SOFT)
 
 
 def _parts(pushes: Sequence[Sequence[BentFrame]]) -> Floats:

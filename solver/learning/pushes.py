@@ -11,7 +11,12 @@ from solver.fitting.correlation import correlation_length
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.problem import problem_of
-from solver.fitting.reflected_light import Touch, lit_by_objects, reflection_matters, touch_of
+from solver.fitting.reflected_light import (
+    TouchedPlace,
+    lit_by_objects,
+    reflection_matters,
+    touched_place,
+)
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rigid_object import with_friction_sign
 from solver.fitting.rod_estimate import fit_frame, with_bow
@@ -39,7 +44,7 @@ class BentFrame(NamedTuple):
     taper: float
     inflation: float
     correlation: float
-    touch: Touch
+    touch: TouchedPlace
     friction_sign: int
     neighbours: Neighbours | None = None
 
@@ -64,7 +69,7 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
         taper=float(fit.p[WIDTHS]),
         inflation=float(fit.variance_inflation),
         correlation=correlation_length(rows[0][inliers]),
-        touch=touch_of(rod, fit.p),
+        touch=touched_place(rod, fit.p),
         friction_sign=rod.friction_sign,
     )
 

@@ -30,7 +30,7 @@ from solver.fitting.rod_residuals import PSI as ROD_PSI
 from solver.fitting.rod_space import fits_in_space, rod_in_plane
 from solver.fitting.rod_values import rod_values
 from solver.fitting.stated_beam import prior_conflict
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.values import values_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
@@ -51,7 +51,7 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
     estimate = _fit(measurement)
-    if estimate.outcome.has_values or len(measurement.points) < LIMITS.min_points:
+    if estimate.outcome.has_values or len(measurement.points) < THRESHOLDS.min_points:
         return estimate
     refusal = no_contact(nearest_linear_bend(measurement))
     if refusal is not None and refusal.outcome is Outcome.INVALID:
@@ -76,7 +76,7 @@ def _fit(measurement: Measurement) -> Estimate:
     spread, close = _spread(best, minima[1:], row)
     sigma = math.sqrt(best.covariance[row, row] + spread[row] ** 2)
     psi = math.degrees(float(best.p[row]))
-    if sigma > LIMITS.max_psi_sigma:
+    if sigma > THRESHOLDS.max_psi_sigma:
         alternatives = "".join(
             f", or {math.degrees(float(minimum.p[row])):.0f}" for minimum in close
         )
@@ -141,7 +141,7 @@ def _other_beam(
 def _uniform_minima(measurement: Measurement, with_tip: bool) -> _Found:
     """Find the minima without outliers; none for too few points."""
     problem = problem_of(measurement, with_tip)
-    minima = _minima(problem) if problem.points >= LIMITS.min_points else []
+    minima = _minima(problem) if problem.points >= THRESHOLDS.min_points else []
     if minima and not minima[0].kept.all():
         # Outliers bias every start: search again with the inliers of the first search.
         inlier_minima = _minima(without(problem, minima[0].kept))
@@ -157,7 +157,7 @@ def _rod_minima(measurement: Measurement, with_tip: bool) -> _Found:
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip)
     rod = rod_problem_of(bowed, problem)
-    if problem.points < LIMITS.min_points:
+    if problem.points < THRESHOLDS.min_points:
         return _Found(problem, [], rod)
     rod, fits, gain = fits_in_space(problem, rod, STARTS)
     return _Found(problem, _distinct(fits, rod.shape_size + ROD_PSI), rod, gain)
@@ -173,7 +173,7 @@ def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool
     rejected = int(free.kept.sum()) - int(tip.kept.sum())
     return (
         rejected > 0.05 * len(free.kept)
-        or tip.chi2 - free.chi2 > LIMITS.max_tip_chi2 * free.variance_inflation
+        or tip.chi2 - free.chi2 > THRESHOLDS.max_tip_chi2 * free.variance_inflation
     )
 
 
@@ -211,7 +211,7 @@ def _spread(best: FrameFit, minima: list[FrameFit], row: int) -> tuple[Floats, l
         excess = (minimum.chi2 - best.chi2) / best.variance_inflation
         if (
             minimum.status == CONVERGED
-            and excess < LIMITS.close_chi2
+            and excess < THRESHOLDS.close_chi2
             and minimum.kept.sum() == best.kept.sum()
         ):
             likelihood = math.exp(-max(excess, 0.0) / 2)

@@ -18,7 +18,7 @@ from scipy.special import chdtri
 from solver.beam_models.exact import MOST_SINE
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
 from solver.fitting.starts import MAX_START
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
@@ -39,7 +39,7 @@ def force_sensor(measurement: Measurement) -> Estimate:
     sigma = np.repeat([sensors.base_force, sensors.base_moment], 3)
     load = _load_on_beam(measurement)
     significance = float(((load / sigma) ** 2).sum())
-    if significance < chdtri(6, LIMITS.false_alarm):
+    if significance < chdtri(6, THRESHOLDS.false_alarm):
         return Estimate(
             Outcome.NO_CONTACT, f"a load of {math.sqrt(significance):.1f} sigmas at the clamp"
         )
@@ -110,7 +110,7 @@ def _estimate(measurement: Measurement, fit: Fit) -> Estimate:
 
     if fit.rank_deficient:
         return failure(Outcome.NOT_IDENTIFIABLE)
-    if fit.chi2 > chdtri(dof, LIMITS.false_rejection):
+    if fit.chi2 > chdtri(dof, THRESHOLDS.false_rejection):
         return failure(
             Outcome.INVALID,
             f"force and moment do not fit one contact without friction: chi^2 is "

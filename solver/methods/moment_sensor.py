@@ -37,7 +37,7 @@ from solver.fitting.linear_estimate import (
     errors_of_planar_fit,
     estimate_from_linear_fit,
 )
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
@@ -69,7 +69,7 @@ def moment_sensor(measurement: Measurement) -> Estimate:
     if refusal is not None:
         if (
             refusal.outcome is Outcome.NO_CONTACT
-            and abs(moment) > LIMITS.contact_sigmas * moment_sigma
+            and abs(moment) > THRESHOLDS.contact_sigmas * moment_sigma
         ):
             return Estimate(
                 Outcome.EDGE_ON, "the sensor measures a force, but the image shows no bend"

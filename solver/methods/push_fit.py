@@ -37,7 +37,7 @@ from solver.fitting.push_estimate import push_estimate, single_frame
 from solver.fitting.push_frames import BentFrames, bent_frames
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, PUSH, Push
 from solver.fitting.sliding import ratio_matrix
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.fitting.unknown_friction import with_unknown_friction
 from solver.instrument.arrays import Floats
@@ -88,7 +88,7 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
         offset=offset.position,
         offset_covariance=offset.covariance,
     )
-    if np.ptp(push.motor_angles) < LIMITS.min_turn_sigmas * push.encoder_sigma:
+    if np.ptp(push.motor_angles) < THRESHOLDS.min_turn_sigmas * push.encoder_sigma:
         return single_frame(single, "the motor has not turned")
     start = _start(push, bent)
     if start is None or push.residuals(start) is None:

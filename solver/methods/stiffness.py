@@ -26,7 +26,7 @@ import numpy as np
 from solver.beam_models.linear import unit_deflection, unit_slope
 from solver.fitting.first_contact import nearest_linear_bend
 from solver.fitting.gauss_newton import Linearised, gauss_newton
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -69,10 +69,10 @@ def stiffness(measurement: Measurement) -> Estimate:
     mean = mean_of_pairs(plane[0])
     assert not isinstance(mean, Estimate)
     loads = _loads(measurement, mean.x_c)
-    encoder = max(measurement.rig.tolerances.encoder, LIMITS.min_encoder_sigma)
+    encoder = max(measurement.rig.tolerances.encoder, THRESHOLDS.min_encoder_sigma)
     if len(loads) < 2:
         return _single_frame(single, "no earlier frame shows a bend")
-    if np.ptp([load.motor_angle for load in loads]) < LIMITS.min_turn_sigmas * encoder:
+    if np.ptp([load.motor_angle for load in loads]) < THRESHOLDS.min_turn_sigmas * encoder:
         return _single_frame(single, "the motor has not turned")
     onset = _onset(loads, measurement.rig.deflects_towards, encoder)
     if onset is None:
@@ -95,7 +95,7 @@ def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
         if frame.motor_angle is None or isinstance(plane, Estimate):
             continue
         planar = plane[0]
-        if nearest_linear_bend(planar).significance < LIMITS.contact_sigmas:
+        if nearest_linear_bend(planar).significance < THRESHOLDS.contact_sigmas:
             continue
         x, y = planar.points.T
         unit = unit_deflection(x, x_c)
@@ -173,7 +173,9 @@ def _quantities(
         by_compliance,
         [0.0, 0.0, 0.0, 0.0, 1.0],
     ]
-    if compliance > LIMITS.soft_sigmas * math.sqrt(float(by_compliance @ errors @ by_compliance)):
+    if compliance > THRESHOLDS.soft_sigmas * math.sqrt(
+        float(by_compliance @ errors @ by_compliance)
+    ):
         values["stiffness_n_per_m"] = 1 / compliance
         rows.append([-part / compliance**2 for part in by_compliance])
     jacobian = np.array(rows)

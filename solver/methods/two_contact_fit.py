@@ -12,7 +12,7 @@ This is no part of `exact_fit`: two places and two forces also follow the shape 
 not as the rig states, which `exact_fit` refuses.
 """
 
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.two_contact_estimate import noise_chi2, two_contact_estimate
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -32,7 +32,7 @@ def _is_biased(single: Estimate, double: Estimate) -> bool:
     """Test whether a second contact, which the image does not determine, biases a single one."""
     if single.chi2 is None or double.chi2 is None:
         return False
-    reduced = single.chi2 - double.chi2 > LIMITS.min_second_chi2
+    reduced = single.chi2 - double.chi2 > THRESHOLDS.min_second_chi2
     return reduced and double.outcome is Outcome.NOT_IDENTIFIABLE
 
 
@@ -45,4 +45,4 @@ def _leaves_misfit(measurement: Measurement, single: Estimate) -> bool:
         return False
     points = len(measurement.points)
     rejected = 1 - dof / points
-    return chi2 / dof > noise_chi2(dof) or rejected > LIMITS.max_rejected_beside_two
+    return chi2 / dof > noise_chi2(dof) or rejected > THRESHOLDS.max_rejected_beside_two

@@ -8,12 +8,12 @@ import numpy as np
 
 from solver.beam_models.rod import S_C, STEPS, Q, curve_of
 from solver.fitting.rod_residuals import POSE
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.estimate import Outcome
 from solver.photographs.bent_beam import RADIUS, contact_place, turn_of
-from solver.photographs.fit import JointFit
+from solver.photographs.fit import PhotosFit
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import nominal_rigidity
 from solver.photographs.problem import (
@@ -56,7 +56,7 @@ class PhotoAnswer:
     rejected: int | None = None
 
 
-def shared_values(fit: JointFit, photos: PhotoSet) -> dict[str, Value]:
+def shared_values(fit: PhotosFit, photos: PhotoSet) -> dict[str, Value]:
     """Return what all photographs share, in SI units: EI where it is known, bow, lens, clamp."""
     p, errors = fit.at.p, fit.covariance
     widths = len(photos.shape.widths)
@@ -84,12 +84,12 @@ def shared_values(fit: JointFit, photos: PhotoSet) -> dict[str, Value]:
     return values
 
 
-def rigidity_known(fit: JointFit, photos: PhotoSet) -> bool:
+def rigidity_known(fit: PhotosFit, photos: PhotoSet) -> bool:
     """Whether EI is stated, or follows from a known force."""
     return photos.rigidity is not None or RIGIDITY in fit.problem.free
 
 
-def photo_answer(fit: JointFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
+def photo_answer(fit: PhotosFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
     """Return the answer for one photograph."""
     own, own_fit = fit.problem.photos[photo], fit.fits[photo]
     residual = fit.at.residuals[photo][: len(own.points)][own_fit.kept]
@@ -117,21 +117,21 @@ def photo_answer(fit: JointFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
     return answer(outcome, outcome.sentence, values)
 
 
-def _outcome(fit: JointFit, own: PhotoProblem, photo: int, values: dict[str, Value]) -> Outcome:
+def _outcome(fit: PhotosFit, own: PhotoProblem, photo: int, values: dict[str, Value]) -> Outcome:
     columns = fit.problem.columns(photo)
     load, at = columns[own.shared + Q], columns[own.shared + S_C]
     # Of the load at a known place: a bend may be certain, and its place unknown.
     variance = fit.covariance[load, load] - fit.covariance[load, at] ** 2 / fit.covariance[at, at]
-    if fit.at.p[load] < LIMITS.contact_sigmas * math.sqrt(max(variance, 0.0)):
+    if fit.at.p[load] < THRESHOLDS.contact_sigmas * math.sqrt(max(variance, 0.0)):
         return Outcome.NO_CONTACT
     place = values["s_c_m"]
-    if place.sigma > LIMITS.weak_sigma * own.length:
+    if place.sigma > THRESHOLDS.weak_sigma * own.length:
         return Outcome.WEAK_CONTACT
     tip = own.length - place.value < _TIP_SIGMAS * place.sigma
     return Outcome.TIP_CONTACT if tip else Outcome.CONTACT
 
 
-def _values(fit: JointFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
+def _values(fit: PhotosFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
     own, columns = fit.problem.photos[photo], fit.problem.columns(photo)
     p = fit.at.p[columns]
     errors = fit.covariance[np.ix_(columns, columns)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from solver.fitting.correlation import correlation_length
 from solver.fitting.robust import MEDIAN, tukey
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.photographs.joint import JointProblem, Minimum, System, covariance_of, minimise
 from solver.photographs.photo_set import PhotoSet
@@ -57,11 +57,11 @@ class PhotoFit:
     @property
     def fits(self) -> bool:
         """Whether a beam with a single load has the shape of the points."""
-        return self.misfit <= MAX_MISFIT and (~self.kept).mean() <= LIMITS.max_rejected
+        return self.misfit <= MAX_MISFIT and (~self.kept).mean() <= THRESHOLDS.max_rejected
 
 
 @dataclass(frozen=True)
-class JointFit:
+class PhotosFit:
     """Joint fit of photographs: `problem`, minimum `at`, `covariance` (p, p), and each one's fit.
 
     `prior` (p,) are the sigmas of the prior, infinite where there is none.
@@ -101,7 +101,7 @@ def problems_of(photos: PhotoSet, shown: Sequence[Shown]) -> list[PhotoProblem]:
     return problems
 
 
-def fit_jointly(photos: PhotoSet, shown: Sequence[Shown]) -> JointFit | None:
+def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | None:
     """Fit photographs of one beam; None if no beam has the shape of one of them."""
     problems = problems_of(photos, shown)
     prior = prior_of(photos, problems, max(math.hypot(*one.size) for one in shown))
@@ -124,7 +124,7 @@ def fit_jointly(photos: PhotoSet, shown: Sequence[Shown]) -> JointFit | None:
     if errors is None:
         return None
     sigmas = np.where(prior.open, np.inf, np.sqrt(np.diag(prior.covariance)))
-    return JointFit(final, last.at, errors, last.converged, fits, sigmas)
+    return PhotosFit(final, last.at, errors, last.converged, fits, sigmas)
 
 
 def _from_coarse(problem: JointProblem, p: Floats) -> Minimum | None:
@@ -228,7 +228,7 @@ def _reweighted(problem: JointProblem, at: System) -> JointProblem:
 def _weights(points: Floats) -> Floats:
     weights = np.empty(len(points))
     scaled = np.ascontiguousarray(points / _scale(points))
-    tukey(scaled, LIMITS.tukey_cut, weights)
+    tukey(scaled, THRESHOLDS.tukey_cut, weights)
     return weights
 
 

@@ -9,7 +9,7 @@ from solver.beam_models.rod import S_C, STEPS, curve_of
 from solver.fitting.rod_residuals import POSE
 from solver.instrument.arrays import Floats
 from solver.photographs.bent_beam import RADIUS, tip_place, turn_of
-from solver.photographs.fit import JointFit
+from solver.photographs.fit import PhotosFit
 from solver.photographs.view import images_of
 
 
@@ -23,7 +23,7 @@ class Line(NamedTuple):
     load: Floats | None
 
 
-def fitted_line(fit: JointFit, photo: int) -> Line:
+def fitted_line(fit: PhotosFit, photo: int) -> Line:
     """Compute the image of the fitted beam of one photograph of the fit."""
     own = fit.problem.photos[photo]
     p = fit.at.p[fit.problem.columns(photo)]

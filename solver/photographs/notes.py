@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.instrument.units import DEGREE, PERCENT
 from solver.photographs.answer import PhotoAnswer, rigidity_known
-from solver.photographs.fit import JointFit
+from solver.photographs.fit import PhotosFit
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.problem import FOCAL, K1, RIGIDITY, SHAPE, SOFT
 
@@ -27,7 +27,7 @@ TESTED: Final = (
 )
 
 
-def notes_of(fit: JointFit, photos: PhotoSet, answers: Sequence[PhotoAnswer]) -> list[str]:
+def notes_of(fit: PhotosFit, photos: PhotoSet, answers: Sequence[PhotoAnswer]) -> list[str]:
     """Return the sentences; `photos` and `answers` are those of the joint fit."""
     return [
         *_of_forces(fit, photos),
@@ -38,7 +38,7 @@ def notes_of(fit: JointFit, photos: PhotoSet, answers: Sequence[PhotoAnswer]) ->
     ]
 
 
-def _of_forces(fit: JointFit, photos: PhotoSet) -> list[str]:
+def _of_forces(fit: PhotosFit, photos: PhotoSet) -> list[str]:
     loads = [photo.load for photo in photos.photographs if photo.load]
     if not loads or any(load.force for load in loads):
         return []
@@ -80,7 +80,7 @@ def _of_views(photos: PhotoSet, answers: Sequence[PhotoAnswer]) -> list[str]:
     return sentences
 
 
-def _of_shared(fit: JointFit, photos: PhotoSet) -> list[str]:
+def _of_shared(fit: PhotosFit, photos: PhotoSet) -> list[str]:
     names = {FOCAL: "focal length", K1: "lens distortion k1", SOFT: "softness of the clamp"}
     names |= {SHAPE + i: f"width coefficient {i}" for i in range(len(photos.shape.widths))}
     sigmas = np.sqrt(np.diag(fit.covariance))
@@ -99,7 +99,7 @@ def _of_shared(fit: JointFit, photos: PhotoSet) -> list[str]:
     return sentences
 
 
-def _of_conflicts(fit: JointFit, photos: PhotoSet) -> list[str]:
+def _of_conflicts(fit: PhotosFit, photos: PhotoSet) -> list[str]:
     """Name stated forces, places and marks that are far from what the photographs show."""
     sentences = []
     for photo, residual, problem in zip(

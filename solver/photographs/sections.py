@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.smooth import DEGREE, curve
-from solver.centreline.thresholds import LIMITS
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 # Degree of the width's course: a beam is uniform or tapered, and perspective tapers it as well.
@@ -103,5 +103,5 @@ def section_places(length: float, width: float) -> Floats:
 
 def course(x: Floats, y: Floats, at: Floats, degree: np.int64) -> Floats:
     """Evaluate a robust polynomial through y (n,) at x (n,), or their median if there is none."""
-    values: Floats = curve(x, y, np.full(len(x), _LEAST_SCATTER), at, degree, LIMITS.tukey_cut)
+    values: Floats = curve(x, y, np.full(len(x), _LEAST_SCATTER), at, degree, THRESHOLDS.tukey_cut)
     return values if len(values) else np.full(len(at), float(np.median(y)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
 from solver.photographs.answer import PhotoAnswer, Value, photo_answer, shared_values
-from solver.photographs.fit import JointFit, Shown, fit_jointly
+from solver.photographs.fit import PhotosFit, Shown, fit_photos
 from solver.photographs.notes import notes_of
 from solver.photographs.photo_set import Photograph, PhotoSet
 from solver.photographs.traced import photograph, traced_beam
@@ -28,7 +28,7 @@ class PhotosAnswer:
     notes: tuple[str, ...]
     shown: tuple[Shown | None, ...]
     fitted: tuple[int, ...]
-    fit: JointFit | None
+    fit: PhotosFit | None
 
 
 def solve_photos(photos: PhotoSet, progress: Progress = iter) -> PhotosAnswer:
@@ -69,7 +69,7 @@ def answer_photos(
     fitted = [i for i in range(len(shown)) if i not in messages]
     while fitted:
         part = replace(photos, photographs=tuple(photos.photographs[i] for i in fitted))
-        fit = fit_jointly(part, [one for i in fitted if (one := shown[i]) is not None])
+        fit = fit_photos(part, [one for i in fitted if (one := shown[i]) is not None])
         if fit is None:
             break
         misfits = [one.misfit if not one.fits else 0.0 for one in fit.fits]

@@ -64,7 +64,7 @@ def directions(case: Case, friction: float) -> tuple[list[int], list[float]]:
         taken = bowed(points, removed, bow, np.zeros(3), shape)
         offset = ClampOffset(-np.array(case.axis[:2]))
         taken = replace(taken, rig=replace(taken.rig, beam=THICK, clamp_offset=offset))
-        problem = rod_problem_of(taken, problem_of(taken, with_tips=False))
+        problem = rod_problem_of(taken, problem_of(taken, with_tip=False))
         contact, p = state.contact, problem.mean.copy()
         normal = float(contact.force @ contact.normal)
         ratio = float(contact.force @ contact.tangent) / normal

@@ -13,7 +13,7 @@ from solver.instrument.centreline import Centreline
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import MEND
 from solver.instrument.images import eight_bit, read_grey
-from solver.instrument.observation import open_rig
+from solver.instrument.observation import open_rig_files
 from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.set_up import set_up
@@ -118,7 +118,7 @@ def antenna_of(results: Results) -> tuple[Antenna | None, str]:
     Raises DamageError if board views or rest images are not what was generated.
     """
     try:
-        return set_up(open_rig(results.dataset.observations)), ""
+        return set_up(open_rig_files(results.dataset.observations)), ""
     except DamageError:
         raise
     except (InputError, ValueError) as error:

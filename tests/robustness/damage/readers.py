@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from solver.antenna import Antenna
-from solver.instrument.observation import open_observations, open_rig
+from solver.instrument.observation import open_observations, open_rig_files
 from vbaa_bench.dataset.copies import copy_observations
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
@@ -70,7 +70,7 @@ def _antennas() -> dict[str, tuple[Antenna | None, str]]:
 
 def _antenna(results: Results) -> tuple[Antenna | None, str]:
     """Set up the antenna as `report` does: read everything, but compute it once."""
-    opened = open_rig(results.dataset.observations)
+    opened = open_rig_files(results.dataset.observations)
     images = [*opened.read_board_views(), *opened.read_rest_images()]
     key = _digest([repr(opened.rig).encode(), *(image.tobytes() for image in images)])
     if key not in _antennas():

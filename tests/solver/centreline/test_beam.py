@@ -9,7 +9,7 @@ import pytest
 
 from solver.centreline import Centreline, Flag
 from solver.centreline.background_subtracted import CentroidExtractor, learn_centroid
-from solver.centreline.extractor import BeamExtractor, learn_beam
+from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.flags import fit_and_flag_outliers
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
@@ -46,7 +46,7 @@ def rest_images(
 def learned(
     look: Look = BRIGHT, roll: float = 0.0, tilt: float = TILT, sensor: Sensor = SENSOR
 ) -> BeamExtractor:
-    return learn_beam(rest_images(look, roll, tilt, sensor), guide(roll))
+    return learn_profile_fit(rest_images(look, roll, tilt, sensor), guide(roll))
 
 
 def pushed(
@@ -172,7 +172,7 @@ def learned_along_a_row(
         bent(theta, tilt=tilt, offset=offset_px * METRES_PER_PIXEL) for theta in (0.0, 0.25)
     )
     rest = drawn(guide(), at_rest, thin)
-    beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
+    beam = learn_profile_fit([SENSOR(rest, random) for _ in range(4)], guide())
     return seen(drawn(guide(), pushed_shape, thin), beam), guide().pixels(pushed_shape)
 
 
@@ -314,7 +314,7 @@ def test_an_image_without_the_beam_shows_none(kind: str, random: np.random.Gener
 def test_rest_images_without_a_beam_are_refused(light: float) -> None:
     images = [SENSOR(np.full((HEIGHT, WIDTH), light), generator(__name__, n)) for n in (1, 2)]
     with pytest.raises(InputError, match="beam"):
-        learn_beam(images, guide())
+        learn_profile_fit(images, guide())
 
 
 def test_the_mirrored_image_has_the_mirrored_beam(random: np.random.Generator) -> None:
@@ -322,7 +322,7 @@ def test_the_mirrored_image_has_the_mirrored_beam(random: np.random.Generator) -
     image = SENSOR(light, random)
     line = learned()(image)
     rests = [np.ascontiguousarray(rest[::-1]) for rest in rest_images()]
-    mirrored = learn_beam(rests, guide())(np.ascontiguousarray(image[::-1]))
+    mirrored = learn_profile_fit(rests, guide())(np.ascontiguousarray(image[::-1]))
     columns, a, b = np.intersect1d(line.points[:, 0], mirrored.points[:, 0], return_indices=True)
     assert len(columns) > 0.97 * len(line.points)
     apart = line.points[a, 1] - (HEIGHT - 1 - mirrored.points[b, 1])
@@ -343,7 +343,7 @@ def test_gain_and_offset_of_the_gray_values_change_nothing(random: np.random.Gen
     rests = [other(rest) for rest in rest_images()]
     for rest in rests:
         rest[0, 0] = 65535
-    found = learn_beam(rests, guide())(other(image))
+    found = learn_profile_fit(rests, guide())(other(image))
     columns, a, b = np.intersect1d(line.points[:, 0], found.points[:, 0], return_indices=True)
     assert len(columns) > 0.97 * len(line.points)
     assert np.abs(line.points[a, 1] - found.points[b, 1]).max() < 0.01
@@ -391,7 +391,7 @@ def test_points_of_a_compressed_image_have_honest_sigmas(quality: int) -> None:
     What all points have in common is that of the rest images, too.
     """
     light, pixels = pushed(0.25)
-    beam = learn_beam([compressed(image, quality) for image in rest_images()], guide())
+    beam = learn_profile_fit([compressed(image, quality) for image in rest_images()], guide())
     frames = [SENSOR(light, generator(__name__, n)) for n in range(2, 6)]
     lines = [beam(compressed(frame, quality)) for frame in frames]
     # 1.7 and 2.0: the errors of a block are not those of its neighbours' noise alone.

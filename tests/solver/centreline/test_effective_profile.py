@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from solver.centreline import Centreline
 from solver.centreline.effective_profile import effective_profile, read_columns
-from solver.centreline.extractor import BeamExtractor, learn_beam
+from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Section, profile
 from solver.centreline.stations import stations
@@ -51,7 +51,7 @@ def images(theta: float, first: int, n: int) -> tuple[list[Grey], Floats]:
 
 @cache
 def learned() -> BeamExtractor:
-    return learn_beam(images(0.0, 0, 4)[0], guide())
+    return learn_profile_fit(images(0.0, 0, 4)[0], guide())
 
 
 @pytest.mark.thorough

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from solver.centreline.extractor import BeamExtractor, learn_beam
+from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.following import follow
 from solver.instrument.arrays import Floats
 from tests.beam_images import Look, Sensor, bent, distances, drawn, guide
@@ -20,7 +20,7 @@ SENSOR = Sensor()
 def learned(look: Look, roll: float) -> BeamExtractor:
     random, seen_by = generator(__name__, 0), guide(roll, *SIZE)
     light = drawn(seen_by, bent(0.0, tilt=TILT), look)
-    return learn_beam([SENSOR(light, random) for _ in range(2)], seen_by)
+    return learn_profile_fit([SENSOR(light, random) for _ in range(2)], seen_by)
 
 
 @pytest.mark.thorough

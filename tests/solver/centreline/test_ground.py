@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from solver.centreline import Centreline
-from solver.centreline.extractor import BeamExtractor, learn_beam
+from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
@@ -37,7 +37,7 @@ def rest_images(ground: Floats, look: Look = THIN) -> list[Grey]:
 
 @cache
 def learned(seed: int = 0) -> BeamExtractor:
-    return learn_beam(rest_images(felt(seed)), guide())
+    return learn_profile_fit(rest_images(felt(seed)), guide())
 
 
 def known_ground(beam: BeamExtractor) -> Ground:
@@ -126,7 +126,7 @@ def test_a_change_of_light_scales_the_ground() -> None:
 def test_a_ground_without_structure_is_not_learned() -> None:
     v, u = np.mgrid[:HEIGHT, :WIDTH]
     for ground in (np.full((HEIGHT, WIDTH), 0.1), 0.05 + 0.2 * v / HEIGHT + 0.1 * u / WIDTH):
-        assert learn_beam(rest_images(ground), guide()).appearance.ground_at_rest is None
+        assert learn_profile_fit(rest_images(ground), guide()).appearance.ground_at_rest is None
 
 
 def test_the_error_of_the_ground_under_the_beam_is_that_of_its_interpolation() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.centreline import Centreline
-from solver.centreline.extractor import learn_beam
+from solver.centreline.extractor import learn_profile_fit
 from solver.instrument.arrays import Floats, Mask
 from tests.beam_images import HEIGHT, LENGTH, METRES_PER_PIXEL, WIDTH, Look, bent, drawn, guide
 from tests.solver.centreline.test_beam import (
@@ -75,7 +75,7 @@ def test_the_tip_of_a_thick_beam_does_not_depend_on_its_climb(random: np.random.
     look = Look(radius_px=4.0)
     thick = replace(guide(), radius=4.0 * METRES_PER_PIXEL)
     rest = drawn(thick, bent(0.0, 0.6, TILT), look)
-    beam = learn_beam([SENSOR(rest, random) for _ in range(2)], thick)
+    beam = learn_profile_fit([SENSOR(rest, random) for _ in range(2)], thick)
     for theta in (-0.02, 0.09, 0.18):
         shape = bent(theta, 0.6, TILT)
         tip = thick.pixels(shape)[-1]

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from solver.fitting.problem import problem_of
-from solver.fitting.reflected_light import Touch, lit_by_object, lit_by_objects, reflection_matters
+from solver.fitting.reflected_light import (
+    TouchedPlace,
+    lit_by_object,
+    lit_by_objects,
+    reflection_matters,
+)
 from solver.fitting.residuals import SIGMA_Y, X, Y
 from solver.fitting.rod_problem import REFLECTED, RodProblem, rod_problem_of
 from solver.instrument.beam_shape import stated_shape
@@ -44,7 +49,7 @@ def test_the_light_is_strongest_at_the_contact_and_odd_about_it_in_part() -> Non
     assert reflection_matters(dark)
     i = 200
     here = dark.points[[X, Y], i]
-    shared = lit_by_object(dark, Touch(here, np.array([1.0, 0.0]))).shared[:, -2:]
+    shared = lit_by_object(dark, TouchedPlace(here, np.array([1.0, 0.0]))).shared[:, -2:]
     one = REFLECTED * dark.radius / dark.points[SIGMA_Y, i]
     np.testing.assert_allclose(shared[i], [one, 0.0], rtol=1e-6)
     away = np.hypot(*(dark.points[[X, Y]] - here[:, None]))
@@ -55,7 +60,7 @@ def test_the_light_is_strongest_at_the_contact_and_odd_about_it_in_part() -> Non
 
 
 def test_within_a_frame_the_light_of_many_objects_has_the_covariance_of_one() -> None:
-    dark, touch = problem(), Touch(np.array([0.6, 0.05]), np.array([0.9, 0.1]))
+    dark, touch = problem(), TouchedPlace(np.array([0.6, 0.05]), np.array([0.9, 0.1]))
     one, many = lit_by_object(dark, touch), lit_by_objects(dark, touch)
     np.testing.assert_allclose(many.shared @ many.shared.T, one.shared @ one.shared.T, atol=1e-12)
     assert one.own_errors == 2

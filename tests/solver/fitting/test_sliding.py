@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solver.fitting.sliding import ratio_matrix
-from solver.fitting.thresholds import LIMITS
+from solver.fitting.thresholds import THRESHOLDS
 from tests.solver.methods.pushes import dragged
 
 SIGMA = math.radians(0.01)
@@ -71,7 +71,7 @@ def test_the_world_slides_as_the_antenna_believes(
     friction: float, compliance: float, radius: float
 ) -> None:
     top = 12.0
-    held = LIMITS.held_fraction
+    held = THRESHOLDS.held_fraction
     way = (6.0, top, top * (1 - 0.9 * held), top * (1 - 1.1 * held), 6.0)
     states = dragged(0.12, compliance, radius, friction, way)
     signs = []

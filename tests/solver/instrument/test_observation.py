@@ -16,7 +16,7 @@ from solver.instrument.hashes import HASHES
 from solver.instrument.image_frame import NO_READINGS, ImageFrame
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.metadata import read_frames
-from solver.instrument.observation import open_observations, open_rig
+from solver.instrument.observation import open_observations, open_rig_files
 from tests.draws import scene_seed
 from vbaa_bench.dataset.exr import channels
 from vbaa_bench.dataset.scene_files import read_file
@@ -151,7 +151,7 @@ def test_frames_and_rest_images_of_two_depths_are_refused(
     if deep == "rest":
         images[0].write_bytes((dataset / "observations/rest" / images[0].name).read_bytes())
         with pytest.raises(InputError, match="allowed are rest images of one depth"):
-            open_rig(root)
+            open_rig_files(root)
     else:  # one frame that differs is that frame's own matter
         shutil.copy(dataset / "observations" / images[0].relative_to(root), images[0])
         assert len(open_observations(root).frames) == 4
@@ -161,15 +161,15 @@ def test_images_of_the_ground_have_a_place(dataset: Path, tmp_path: Path) -> Non
     for folder in ("calibration", "rest"):
         shutil.copytree(dataset / "observations" / folder, tmp_path / folder)
     shutil.copy(dataset / "observations" / "rig.json", tmp_path)
-    assert open_rig(tmp_path).ground_images == ()
+    assert open_rig_files(tmp_path).ground_images == ()
     shutil.copytree(tmp_path / "rest", tmp_path / "ground")
     for path in (tmp_path / "ground").iterdir():
         path.rename(path.with_name(path.name.replace("rest", "ground")))
-    names = [path.name for path in open_rig(tmp_path).ground_images]
+    names = [path.name for path in open_rig_files(tmp_path).ground_images]
     assert names == ["ground_00.png", "ground_01.png"]
     cv2.imwrite(str(tmp_path / "ground" / "ground_02.jpg"), np.zeros((4, 5), np.uint8))
     with pytest.raises(InputError, match=r"ground_02\.jpg: has 5 x 4 px, allowed is the size of"):
-        open_rig(tmp_path)
+        open_rig_files(tmp_path)
 
 
 def test_a_png_that_claims_to_be_huge_is_not_decoded(tmp_path: Path) -> None:

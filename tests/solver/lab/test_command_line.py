@@ -18,7 +18,7 @@ from solver.__main__ import main
 from solver.antenna import Antenna
 from solver.at_rest.learn import Learn
 from solver.calibrate.rigidity import hung_beam
-from solver.centreline.extractor import learn_beam
+from solver.centreline.extractor import learn_profile_fit
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.arrays import Grey
 from solver.instrument.camera import Camera
@@ -40,9 +40,9 @@ class CalibratesOnce:
     """In place of `set_up`: what has been calibrated in the same way before is used again."""
 
     def __init__(self, observations: Observations, antenna: Antenna) -> None:
-        self._antennas = {self._key(observations, learn_beam): antenna}
+        self._antennas = {self._key(observations, learn_profile_fit): antenna}
 
-    def __call__(self, opened: Observations, learn: Learn = learn_beam) -> Antenna:
+    def __call__(self, opened: Observations, learn: Learn = learn_profile_fit) -> Antenna:
         key = self._key(opened, learn)
         if key not in self._antennas:
             self._antennas[key] = set_up(opened, learn)

@@ -17,7 +17,7 @@ from solver.instrument.errors import IncompleteError, InputError
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.metadata import read_frames
-from solver.instrument.observation import open_observations, open_rig
+from solver.instrument.observation import open_observations, open_rig_files
 from solver.lab.capture import CameraStream, Video
 from solver.lab.controls import Controls
 from solver.lab.shots import Files
@@ -306,22 +306,22 @@ def test_a_rig_and_its_images_may_be_in_other_formats(dataset: Path, tmp_path: P
 
 def test_a_rig_needs_its_images(dataset: Path, tmp_path: Path) -> None:
     whole = open_observations(dataset / "observations")
-    opened = open_rig(dataset / "observations" / "rig.json")
+    opened = open_rig_files(dataset / "observations" / "rig.json")
     assert (opened.board_views, opened.rest_images) == (whole.board_views, whole.rest_images)
     assert not opened.frames
     root = tmp_path / "rig"
     with pytest.raises(InputError, match=r"rig: cannot be read"):
-        open_rig(root)
+        open_rig_files(root)
     root.mkdir()
     with pytest.raises(InputError, match=r"rig\.json: cannot be read"):
-        open_rig(root)
+        open_rig_files(root)
     shutil.copy(whole.root / "rig.json", root)
     with pytest.raises(InputError, match=r"holds no calibration/view_\*\.png"):
-        open_rig(root)
+        open_rig_files(root)
     shutil.copytree(whole.root / "calibration", root / "calibration")
     with pytest.raises(InputError, match=r"holds no rest/rest_\*\.png"):
-        open_rig(root)
+        open_rig_files(root)
     (root / "rest").mkdir()
     (root / "rest" / "rest_00.png").write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
     with pytest.raises(InputError, match=r"rest_00\.png: has 5 x 4 px, allowed is the size"):
-        open_rig(root)
+        open_rig_files(root)
