@@ -1,0 +1,1 @@
+"""Answers of the antenna that were frozen once, and with which each version is compared."""
