@@ -13,9 +13,9 @@ from tests.frozen.measurements import Frame
 VALUES_SIGMA, SIGMAS, CORRELATIONS = 0.01, 0.01, 0.01
 # Relative difference of values that have no sigma.
 _EXACT: Final = 1e-6
-# Share of answers that must be equal within these, on the processor on which they were frozen and on
-# any. Measured: with the oldest kernels of OpenBLAS, NumPy and Numba 0.13 % differ, those at which
-# an outcome is decided by rounding; four times as many are allowed.
+# Share of answers that must be equal within these, on the processor on which they were frozen, and
+# on any. Measured: with the oldest kernels of OpenBLAS, NumPy and Numba 0.13 % differ, those at
+# which an outcome is decided by rounding; four times as many are allowed.
 SHARE: Final = 0.999
 SHARE_ON_ANY: Final = 0.995
 
