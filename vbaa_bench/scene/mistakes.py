@@ -178,7 +178,7 @@ def _field(location: Sequence[str | int], model: type[BaseModel]) -> Any:
 def located_message(path: Path, document: Any, key: Sequence[str | int], sentence: str) -> str:
     """Return `file:line:column: key: sentence` for a key, or for the nearest key above it.
 
-    For a value in place of the file's, its setting is in place of `file:line:column`.
+    For a value in place of the file's it is `file with setting: key: sentence`.
     """
     line, column = 0, 0
     node = document
@@ -198,7 +198,7 @@ def located_message(path: Path, document: Any, key: Sequence[str | int], sentenc
     settings = getattr(document, SETTINGS, {})
     above = (tuple(key[:length]) for length in range(len(key), 0, -1))
     if setting := next((settings[part] for part in above if part in settings), None):
-        return f"setting {setting}: {label}{sentence}"
+        return f"{path} with {setting}: {label}{sentence}"
     # A scene that is built in Python has no lines.
     place = f":{line + 1}:{column + 1}" if document.lc.line is not None else ""
     return f"{path}{place}: {label}{sentence}"
