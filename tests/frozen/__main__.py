@@ -19,6 +19,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import open_observations
+from solver.instrument.units import MILLIMETRE
 from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.frozen import answers, measurements
@@ -72,7 +73,7 @@ def freeze(roots: Sequence[Path]) -> None:
             frames += found
         print(f"{name}: {len(found)} frames", flush=True)
     measurements.save(DATA, frames, rigs)
-    # What is frozen is the answer to what is stored, in single precision.
+    # What is frozen is the answer to what is stored, in few bytes.
     stored = measurements.load(DATA)
     given = dict(track(answers.answers(stored), "answering"))
     answers.save(DATA / "answers.npz", given)
@@ -101,8 +102,8 @@ def _measured(root: Path, name: str, first: int) -> Iterator[Frame]:
         if len(kept) == before:
             continue
         row, earlier = rows[frame.frame_id], pushes.setdefault(frame.push_id, [])
-        truth = (1e-3 * row["x_c_mm"], row["force_n"]) if row["x_c_mm"] is not None else (0, 0)
-        yield Frame(frame.frame_id, name, frame.push_id, truth, kept[-1], tuple(earlier))
+        x_c = None if row["x_c_mm"] is None else row["x_c_mm"] * MILLIMETRE
+        yield Frame(frame.frame_id, name, frame.push_id, x_c, kept[-1], tuple(earlier))
         earlier.append(first + before)
 
 

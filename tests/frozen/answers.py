@@ -83,9 +83,7 @@ def load(path: Path) -> dict[str, Answer]:
             names,
             arrays["values"][at : at + n],
             arrays["sigmas"][at : at + n].astype(float),
-            np.maximum(correlation, correlation.T)
-            + np.minimum(correlation, correlation.T)
-            - np.eye(n),
+            correlation + np.tril(correlation, -1).T,
         )
         at, pairs_at = at + n, pairs_at + pairs
     return given

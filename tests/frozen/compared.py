@@ -53,21 +53,20 @@ def compared(
 ) -> list[Compared]:
     """Compare two sets of answers, by solver; `truths` are those of frames, by dataset and frame.
 
-    Raises ValueError unless both answer the same questions.
+    A question that only one of them answers, as where no beam can be learned, is a difference.
     """
-    if old.keys() != new.keys():
-        raise ValueError("the questions differ: freeze the answers anew, and say why")
     by_solver: dict[str, list[str]] = {}
-    for question in old:
+    for question in {**old, **new}:
         by_solver.setdefault(question.partition(" ")[0], []).append(question)
     return [_of_solver(name, part, old, new, truths) for name, part in by_solver.items()]
 
 
 def truths_of(frames: Sequence[Frame]) -> dict[str, Truth]:
-    """Return the truth of each frame, by dataset and frame."""
+    """Return the truth of each frame with a contact, by dataset and frame."""
     return {
-        f"{one.dataset} {one.name}": Truth(one.truth[0], one.measurement.rig.beam.length)
+        f"{one.dataset} {one.name}": Truth(one.x_c, one.measurement.rig.beam.length)
         for one in frames
+        if one.x_c is not None
     }
 
 
@@ -87,9 +86,13 @@ def _of_solver(
 ) -> Compared:
     differ, largest, errors = [], [(0.0, 0.0)], []
     for question in questions:
-        before, after = old[question], new[question]
-        if (how := _how_names_differ(before, after)) is not None:
+        if question not in old or question not in new:
+            how = "is answered now" if question in new else "is not answered any more"
             differ.append(Difference(question, how))
+            continue
+        before, after = old[question], new[question]
+        if (other := _how_names_differ(before, after)) is not None:
+            differ.append(Difference(question, other))
             continue
         known = np.isfinite(before.sigmas)
         scale = np.where(known, before.sigmas, np.abs(before.values) * _EXACT / VALUES_SIGMA)

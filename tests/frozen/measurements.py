@@ -21,14 +21,14 @@ _UNIT: Final = 1e-9
 
 
 class Frame(NamedTuple):
-    """A frame: its name, its dataset's and its push's; the true x_c [m] and force [N]; what is
-    measured, without the frames before it, and the numbers of these in the list of all frames.
+    """A frame: its name, its dataset's and its push's; its true x_c [m], None without contact; what
+    is measured, without the frames before it, and the numbers of these in the list of all frames.
     """
 
     name: str
     dataset: str
     push: str
-    truth: tuple[float, float]
+    x_c: float | None
     measurement: Measurement
     earlier: tuple[int, ...]
 
@@ -46,7 +46,7 @@ def save(folder: Path, frames: Sequence[Frame], rigs: dict[str, str]) -> None:
     arrays["places"] = np.concatenate([one.places for one in rows])
     arrays["errors"] = np.concatenate([one.errors.ravel() for one in rows])
     np.savez_compressed(folder / "measurements.npz", **arrays)
-    names = [[one.name, one.dataset, one.push, one.truth, one.earlier] for one in frames]
+    names = [[one.name, one.dataset, one.push, one.x_c, one.earlier] for one in frames]
     text = json.dumps({"frames": names, "rigs": {key: json.loads(rigs[key]) for key in rigs}})
     (folder / "frames.json").write_text(text, "utf-8")
 
@@ -61,11 +61,11 @@ def load(folder: Path) -> list[Frame]:
     places = np.split(fixed.pop("places"), np.cumsum(counts)[:-1])
     errors = np.split(fixed.pop("errors"), np.cumsum(counts * columns)[:-1])
     frames = []
-    for i, (name, dataset, push, truth, earlier) in enumerate(stated["frames"]):
+    for i, (name, dataset, push, x_c, earlier) in enumerate(stated["frames"]):
         one = {key: values[i] for key, values in fixed.items()}
         rows = _Rows(places[i], errors[i].reshape(counts[i], columns[i]), scales[i])
         measured = _measurement(one, rows, rigs[dataset])
-        frames.append(Frame(name, dataset, push, tuple(truth), measured, tuple(earlier)))
+        frames.append(Frame(name, dataset, push, x_c, measured, tuple(earlier)))
     return frames
 
 

@@ -48,6 +48,13 @@ def test_a_change_is_seen(frozen: dict[str, Answer], change: dict[str, Any]) -> 
     assert not passes([result])
 
 
+def test_an_answer_that_is_missing_is_seen(frozen: dict[str, Answer]) -> None:
+    now = {question: frozen[question] for question in list(frozen)[1:]}
+    for old, new in ((frozen, now), (now, frozen)):
+        (result,) = compared(old, new, {})
+        assert [one.question for one in result.differ] == ["exact_fit rig 0"]
+
+
 def test_larger_errors_are_seen_though_values_move_little(frozen: dict[str, Answer]) -> None:
     truths = {question.partition(" ")[2]: Truth(0.12 + 1e-6, 0.24) for question in frozen}
     now = {

@@ -309,7 +309,8 @@ class BackgroundSpec(Part):
     @model_validator(mode="after")
     def _check_image(self) -> "BackgroundSpec":
         if self.kind.needs_image != (self.image_file is not None):
-            raise ValueError("image_file must be given for the pattern image only")
+            names = " or ".join(name for name, kind in GROUNDS.kinds.items() if kind.needs_image)
+            raise ValueError(f"image_file must be given for the pattern {names} only")
         return self
 
     @model_validator(mode="after")
