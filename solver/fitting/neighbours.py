@@ -8,6 +8,7 @@ Its sigma and correlation length are those of the largest restricted likelihood 
 Thompson 1971), which allows for what the fit of the beam has taken from the residuals.
 """
 
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -68,36 +69,43 @@ def neighbours_of(problem: RodProblem, p: Floats, kept: Floats) -> Neighbours | 
     # At the least squares of these points, from which a robust fit differs.
     pull = (information @ (p - problem.mean))[free] / unit
     residual -= by_free.T @ np.linalg.lstsq(normal, by_free @ residual + pull)[0]
-    best, gain = None, MIN_GAIN
-    for length in LENGTHS:
-        course = _course(problem, length)[used]
-        mixed = by_free @ course
-        left = course.T @ course - mixed.T @ np.linalg.lstsq(normal, mixed)[0]
-        values, vectors = np.linalg.eigh((left + left.T) / 2)
-        size = vectors.T @ (course.T @ residual)
-        for sigma in SIGMAS:
-            widened = 1 + sigma**2 * np.maximum(values, 0.0)
-            likelihood = float((sigma**2 * size**2 / widened - np.log(widened)).sum())
-            if likelihood > gain:
-                best = Neighbours(length, float(sigma * scatter), likelihood)
-                gain = likelihood
-    return best
+    hats = _hats(problem)[used]
+    mixed = by_free @ hats
+    left = hats.T @ hats - mixed.T @ np.linalg.lstsq(normal, mixed)[0]
+    roots = np.array([_root(length) for length in LENGTHS])
+    left = np.swapaxes(roots, 1, 2) @ left @ roots
+    values, vectors = np.linalg.eigh((left + np.swapaxes(left, 1, 2)) / 2)
+    size = ((hats.T @ residual) @ roots)[:, None] @ vectors  # (lengths, 1, nodes)
+    square = SIGMAS[:, None] ** 2
+    widened = 1 + square * np.maximum(values, 0.0)[:, None]  # (lengths, sigmas, nodes)
+    gains = (square * size**2 / widened - np.log(widened)).sum(axis=2)
+    length, sigma = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    if gains[length, sigma] <= MIN_GAIN:
+        return None
+    return Neighbours(LENGTHS[length], float(SIGMAS[sigma] * scatter), float(gains[length, sigma]))
 
 
 def with_neighbours(problem: P, neighbours: Neighbours) -> P:
     """Add the errors that neighbouring points share, as errors of the frame's own."""
-    return with_own_errors(problem, neighbours.sigma * _course(problem, neighbours.length))
+    course = _hats(problem) @ _root(neighbours.length)
+    return with_own_errors(problem, neighbours.sigma * course)
 
 
-def _course(problem: RodProblem, length: float) -> Floats:
-    """Compute the course at the residuals (n, NODES) by independent values of unit variance.
+def _hats(problem: RodProblem) -> Floats:
+    """Compute the interpolation (n, NODES) from values at nodes to the residuals.
 
-    Places are distances from the clamp, over the beam's length; the course is 0 beyond the points.
+    Places are distances from the clamp, over the beam's length; it is 0 for what is no point.
     """
     place = np.hypot(problem.points[X], problem.points[Y]) * (NODES - 1)
+    hats = np.zeros((len(problem.shared), NODES))
+    apart = np.abs(np.minimum(place, NODES - 1)[:, None] - np.arange(NODES))
+    hats[: len(place)] = np.maximum(1 - apart, 0)
+    return hats
+
+
+@lru_cache
+def _root(length: float) -> Floats:
+    """Compute a root (NODES, NODES) of the correlation of a course's values at the nodes."""
     node = np.arange(NODES)
-    course = np.zeros((len(problem.shared), NODES))
-    course[: len(place)] = np.maximum(1 - np.abs(np.clip(place, 0, NODES - 1)[:, None] - node), 0)
-    apart = np.abs(node[:, None] - node) / (NODES - 1)
-    scaled = np.sqrt(3) * apart / length
-    return np.asarray(course @ np.linalg.cholesky((1 + scaled) * np.exp(-scaled)))
+    scaled = np.sqrt(3) * np.abs(node[:, None] - node) / (NODES - 1) / length
+    return np.asarray(np.linalg.cholesky((1 + scaled) * np.exp(-scaled)))
