@@ -7,7 +7,7 @@ import numpy as np
 
 from solver.at_rest.mean_line import MeanLine
 from solver.centreline.smooth import LAG
-from solver.fitting.correlation import correlation_length
+from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats
 from solver.instrument.medians import SIGMA_OVER_MAD
 

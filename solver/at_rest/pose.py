@@ -17,7 +17,7 @@ from solver.at_rest.pattern import NODES, pattern_of, share_that_follows
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
-from solver.fitting.correlation import correlation_length
+from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig

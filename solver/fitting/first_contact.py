@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.fitting.correlation import integrated_correlation
+from solver.core.correlation import integrated_correlation
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit

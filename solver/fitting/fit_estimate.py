@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from solver.core.least_squares import DEFICIENT, STOPPED
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.fit import FrameFit
-from solver.fitting.minimise import DEFICIENT, STOPPED
 from solver.fitting.problem import Problem
 from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.verdict import classified_estimate

@@ -12,22 +12,22 @@ from typing import Any
 
 import numpy as np
 
+from solver.core.correlation import integrated_correlation
+from solver.core.least_squares import CONVERGED, STOPPED
+from solver.core.robust import VARIANCE_FACTOR, scale
 from solver.fitting.constraints import add_constraints
-from solver.fitting.correlation import integrated_correlation
 from solver.fitting.minimise import (
-    CONVERGED,
-    STOPPED,
     assemble,
     invert,
     linearise,
     minimise,
 )
 from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
-from solver.fitting.robust import VARIANCE_FACTOR, scale
 from solver.fitting.starts import consensus
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import interpreted, njit
+from solver.instrument.medians import TUKEY_CUT
 
 # Maximum iterations at each wider cut, and of the final fit. A numpy scalar is compiled once, a
 # literal for every value.
@@ -105,7 +105,7 @@ def fit_robust(
     limit = dof * (1 + 6 * math.sqrt(2 / dof))
     if chi2 > limit or status == STOPPED or _exceed(residual, THRESHOLDS.suspicious_sigmas):
         # Use the stated sigmas; larger ones only if most of the inliers' residuals require it.
-        cut = THRESHOLDS.tukey_cut
+        cut = TUKEY_CUT
         second_start = p.copy()
         if consensus(problem, free, tilt_variance, p[PSI], cut, work, second_start):
             status, iterations = _minimise_both(
@@ -114,7 +114,7 @@ def fit_robust(
             point_residuals(p, points, view, _PLANAR, residual, work[1])
             inflation = scale(residual, THRESHOLDS.max_scale)
             if inflation > THRESHOLDS.min_scale:
-                cut = THRESHOLDS.tukey_cut * inflation
+                cut = TUKEY_CUT * inflation
                 status, _, extra = minimise(
                     p, problem, free, cut, _FINAL_ITERATIONS, work, covariance
                 )

@@ -4,6 +4,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from solver.core.least_squares import (
+    CONVERGED,
+    DEFICIENT,
+    MIN_PIVOT,
+    STEP_SIGMAS,
+    STOPPED,
+)
+from solver.core.robust import tukey
 from solver.fitting.constraints import add_constraints
 from solver.fitting.in_plane_c import plane_equations
 from solver.fitting.residuals import (
@@ -15,13 +23,10 @@ from solver.fitting.residuals import (
     is_feasible,
     point_residuals,
 )
-from solver.fitting.robust import tukey
-from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
 
-CONVERGED, STOPPED, DEFICIENT = range(3)
 # A fit has also converged after a step shorter than this many sigmas if Gauss-Newton's quadratic
 # convergence, estimated from the step before, predicts that the next step is short enough.
 _SHORT: Final = 0.3
@@ -97,7 +102,7 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
     for k in free:
         # Information about this parameter if those before it are unknown too.
         pivot = covariance[k, k]
-        if not pivot > THRESHOLDS.min_pivot * normal[k, k]:
+        if not pivot > MIN_PIVOT * normal[k, k]:
             return False
         covariance[k, k] = 1.0
         for b in range(PARAMETERS):
@@ -167,8 +172,8 @@ def minimise(
             if abs(step[parameter]) > max_step:
                 fraction = min(fraction, max_step / abs(step[parameter]))
         length = np.sqrt(max(length2, 0.0))
-        last = length < THRESHOLDS.step_sigmas or (
-            length < _SHORT and length**3 < THRESHOLDS.step_sigmas * previous_length**2
+        last = length < STEP_SIGMAS or (
+            length < _SHORT and length**3 < STEP_SIGMAS * previous_length**2
         )
         previous_length = length if fraction == 1.0 else 0.0
         if fraction == 1.0 and last:

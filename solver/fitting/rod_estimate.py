@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solver.beam_models.rod import FRICTION_RATIO
+from solver.core.least_squares import CONVERGED
 from solver.fitting.fit import FrameFit
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
-from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.reflected_light import lit_by_object, reflection_matters, touched_place

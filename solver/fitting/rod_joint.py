@@ -14,11 +14,12 @@ bend of the beam.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from solver.beam_models.rod import FRICTION_RATIO, S_C, Q
+from solver.core.least_squares import CONVERGED, BorderedEquations, minimise
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import SHARED_VARIANCE_FRACTION, RodProblem
 from solver.instrument.arrays import Floats
@@ -28,14 +29,8 @@ OWN: Final = (Q, S_C, FRICTION_RATIO)
 # Chosen: along a curved valley, as where a clamp may give or hold farther in, steps shrink by 5 %
 # each; 60 did not reach its bottom in one of twenty cases.
 _MAX_ITERATIONS: Final = 200
-_FIRST_DAMPING: Final = 1e-6
-_FACTOR: Final = 10.0
-_MAX_DAMPING: Final = 1e6
 # Step [sigma] after which the fit has converged. Chosen: far below what noise moves.
 _STEP_SIGMAS: Final = 0.01
-# Share of a parameter's information that is rounding, where the elimination of the frames' own
-# parameters leaves no more. Derived: differences of numbers with 16 digits, of squares.
-_ROUNDING: Final = 1e-12
 
 
 @dataclass(frozen=True)
@@ -54,22 +49,6 @@ class JointFit:
     friction_ratio_sigma: float
     objective: float
     converged: bool
-
-
-class _System(NamedTuple):
-    """Normal equations at `parameters` (n, c): own blocks (n, o, o), mixed (n, o, s + 1), shared.
-
-    The last shared parameter is the mean friction ratio, `friction_ratio`.
-    """
-
-    parameters: Floats
-    friction_ratio: float
-    objective: float
-    own: Floats
-    mixed: Floats
-    shared: Floats
-    own_gradient: Floats
-    shared_gradient: Floats
 
 
 def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) -> JointFit | None:
@@ -91,33 +70,21 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
     parameters = np.array([start for start in nearest if start is not None])
     if len(parameters) < len(problems):
         return None
-    at = _system(problems, parameters, 0.0, own, shared)
-    if at is None:
+    joint = JointProblem(problems, parameters, own, shared)
+    found = minimise(
+        joint.system, joint.start, step_sigmas=_STEP_SIGMAS, max_iterations=_MAX_ITERATIONS
+    )
+    if found is None:
         return None
-    damping, converged = 0.0, False
-    for _ in range(_MAX_ITERATIONS):
-        moved, length = _step(problems, at, own, shared, damping)
-        if moved is not None and damping == 0 and moved.objective > at.objective:
-            # As in `rod_fit`: the valley is curved, and the next step leads back to its bottom.
-            moved, _ = _step(problems, moved, own, shared, 0.0)
-        if moved is not None and moved.objective <= at.objective * (1 + 1e-9):
-            at, damping = moved, damping / _FACTOR if damping > _FIRST_DAMPING else 0.0
-            if length < _STEP_SIGMAS:
-                converged = True
-                break
-        else:
-            damping = max(damping * _FACTOR, _FIRST_DAMPING)
-            if damping > _MAX_DAMPING:
-                break
-    covariance = _covariance(at)
+    covariance = found.at.shared_covariance()
     return JointFit(
-        frames=at.parameters,
+        frames=joint.frames(found.at.p),
         shared=shared,
         covariance=covariance[:-1, :-1],
-        friction_ratio=at.friction_ratio,
+        friction_ratio=float(found.at.p[len(shared)]),
         friction_ratio_sigma=math.sqrt(covariance[-1, -1]),
-        objective=at.objective,
-        converged=converged,
+        objective=found.at.objective,
+        converged=found.status == CONVERGED,
     )
 
 
@@ -150,94 +117,72 @@ def _rows(problem: RodProblem, p: Floats) -> Floats | None:
     return problem.without_own_errors(np.vstack([rows[1][: problem.common], rows[0]]))
 
 
-def _system(
-    problems: Sequence[RodProblem],
-    parameters: Floats,
-    friction_ratio: float,
-    own: Floats,
-    shared: Floats,
-) -> _System | None:
-    n, s, first = len(problems), len(shared), problems[0]
-    if (parameters[:, [Q, S_C]] <= 0).any():
-        return None
-    own_blocks = np.empty((n, len(own), len(own)))
-    mixed = np.zeros((n, len(own), s + 1))
-    own_gradient = np.empty((n, len(own)))
-    # The prior of the shared parameters counts once.
-    shared_block, deviation = np.zeros((s + 1, s + 1)), np.zeros(s + 1)
-    shared_block[:s, :s] = first.information[np.ix_(shared, shared)]
-    deviation[:s] = parameters[0, shared] - first.mean[shared]
-    # Without friction, its mean is 0 and has no effect.
-    known = max(problem.information[FRICTION_RATIO, FRICTION_RATIO] for problem in problems)
-    shared_block[s, s] = max(known, 1.0) / SHARED_VARIANCE_FRACTION
-    deviation[s] = friction_ratio
-    shared_gradient = shared_block @ deviation
-    objective = float(deviation @ shared_gradient)
-    friction = np.flatnonzero(own == FRICTION_RATIO)
-    for i, problem in enumerate(problems):
-        rows = _rows(problem, parameters[i])
-        if rows is None:
+@dataclass(frozen=True)
+class JointProblem:
+    """Problems of n frames, and which of their parameters are the frames' `own` and `shared` ones.
+
+    The parameters p of the joint fit are the shared ones (s,), the mean friction ratio, and then
+    the own ones (n, o). `first` (n, c) are the frames' parameters at its start.
+    """
+
+    problems: Sequence[RodProblem]
+    first: Floats
+    own: Floats
+    shared: Floats
+
+    @property
+    def start(self) -> Floats:
+        """Start of the joint fit, without a mean friction ratio."""
+        return np.concatenate([self.first[0, self.shared], [0.0], self.first[:, self.own].ravel()])
+
+    def frames(self, p: Floats) -> Floats:
+        """Return the frames' parameters (n, c), which differ by what their priors do."""
+        frames, s = self.first.copy(), len(self.shared)
+        frames[:, self.shared] += p[:s] - self.first[0, self.shared]
+        frames[:, self.own] = p[s + 1 :].reshape(len(frames), -1)
+        return frames
+
+    def system(self, p: Floats) -> BorderedEquations | None:
+        """Compute the normal equations; None where a frame has no shape."""
+        own, shared = self.own, self.shared
+        n, s, first = len(self.problems), len(shared), self.problems[0]
+        parameters, friction_ratio = self.frames(p), float(p[s])
+        if (parameters[:, [Q, S_C]] <= 0).any():
             return None
-        residual, jacobian = rows[-1], rows[:-1]
-        by_own, by_shared = jacobian[own], jacobian[shared]
-        prior = problem.information[np.ix_(own, own)]
-        sign = problem.friction_sign
-        prior[friction, friction] /= 1 - SHARED_VARIANCE_FRACTION * sign**2
-        pull = parameters[i, own] - problem.mean[own]
-        pull[friction] -= sign * friction_ratio
-        own_blocks[i] = by_own @ by_own.T + prior
-        mixed[i, :, :s] = by_own @ by_shared.T
-        mixed[i, friction, s] = -sign * prior[friction, friction]
-        own_gradient[i] = by_own @ residual + prior @ pull
-        shared_block[:s, :s] += by_shared @ by_shared.T
-        shared_block[s, s] += sign**2 * prior[friction, friction].sum()
-        shared_gradient[:s] += by_shared @ residual
-        shared_gradient[s] -= sign * (prior[friction, friction] * pull[friction]).sum()
-        objective += float(residual @ residual + pull @ prior @ pull)
-    return _System(
-        parameters,
-        friction_ratio,
-        objective,
-        own_blocks,
-        mixed,
-        shared_block,
-        own_gradient,
-        shared_gradient,
-    )
-
-
-def _reduced(at: _System, damping: float) -> tuple[Floats, Floats, Floats]:
-    """Eliminate the frames' own parameters: reduced matrix (s, s), gradient, inverse own blocks."""
-    own = at.own.copy()
-    diagonal = np.arange(own.shape[1])
-    own[:, diagonal, diagonal] *= 1 + damping
-    inverse = np.linalg.inv(own)
-    matrix = at.shared - np.einsum("nos,nop,npt->st", at.mixed, inverse, at.mixed)
-    matrix[np.diag_indices_from(matrix)] += damping * np.diag(at.shared)
-    gradient = at.shared_gradient - np.einsum("nos,nop,np->s", at.mixed, inverse, at.own_gradient)
-    return (matrix + matrix.T) / 2, gradient, np.asarray(inverse, dtype=np.float64)
-
-
-def _covariance(at: _System) -> Floats:
-    """Invert the reduced matrix; a direction of which only rounding is left has a large sigma."""
-    unit = np.sqrt(np.diag(at.shared))
-    values, vectors = np.linalg.eigh(_reduced(at, 0.0)[0] / np.outer(unit, unit))
-    inverse = (vectors / np.maximum(values, _ROUNDING)) @ vectors.T
-    return np.asarray(inverse / np.outer(unit, unit))
-
-
-def _step(
-    problems: Sequence[RodProblem], at: _System, own: Floats, shared: Floats, damping: float
-) -> tuple[_System | None, float]:
-    """Take a damped step; return where it leads, None if nowhere, and its length in sigmas."""
-    matrix, gradient, inverse = _reduced(at, damping)
-    unit = np.sqrt(np.diag(at.shared))
-    step_shared = -np.linalg.solve(matrix / np.outer(unit, unit), gradient / unit) / unit
-    right = at.own_gradient + at.mixed @ step_shared
-    step_own = -np.einsum("nop,np->no", inverse, right)
-    decrease = -(step_shared @ at.shared_gradient) - float((step_own * at.own_gradient).sum())
-    trial = at.parameters.copy()
-    trial[:, own] += step_own
-    trial[:, shared] += step_shared[:-1]
-    moved = _system(problems, trial, at.friction_ratio + float(step_shared[-1]), own, shared)
-    return moved, math.sqrt(max(float(decrease), 0.0))
+        own_blocks = np.empty((n, len(own), len(own)))
+        mixed = np.zeros((n, len(own), s + 1))
+        own_gradient = np.empty((n, len(own)))
+        # The prior of the shared parameters counts once.
+        shared_block, deviation = np.zeros((s + 1, s + 1)), np.zeros(s + 1)
+        shared_block[:s, :s] = first.information[np.ix_(shared, shared)]
+        deviation[:s] = p[:s] - first.mean[shared]
+        # Without friction, its mean is 0 and has no effect.
+        known = max(one.information[FRICTION_RATIO, FRICTION_RATIO] for one in self.problems)
+        shared_block[s, s] = max(known, 1.0) / SHARED_VARIANCE_FRACTION
+        deviation[s] = friction_ratio
+        shared_gradient = shared_block @ deviation
+        objective = float(deviation @ shared_gradient)
+        friction = np.flatnonzero(own == FRICTION_RATIO)
+        for i, problem in enumerate(self.problems):
+            rows = _rows(problem, parameters[i])
+            if rows is None:
+                return None
+            residual, jacobian = rows[-1], rows[:-1]
+            by_own, by_shared = jacobian[own], jacobian[shared]
+            prior = problem.information[np.ix_(own, own)]
+            sign = problem.friction_sign
+            prior[friction, friction] /= 1 - SHARED_VARIANCE_FRACTION * sign**2
+            pull = parameters[i, own] - problem.mean[own]
+            pull[friction] -= sign * friction_ratio
+            own_blocks[i] = by_own @ by_own.T + prior
+            mixed[i, :, :s] = by_own @ by_shared.T
+            mixed[i, friction, s] = -sign * prior[friction, friction]
+            own_gradient[i] = by_own @ residual + prior @ pull
+            shared_block[:s, :s] += by_shared @ by_shared.T
+            shared_block[s, s] += sign**2 * prior[friction, friction].sum()
+            shared_gradient[:s] += by_shared @ residual
+            shared_gradient[s] -= sign * (prior[friction, friction] * pull[friction]).sum()
+            objective += float(residual @ residual + pull @ prior @ pull)
+        return BorderedEquations(
+            p, objective, shared_block, own_blocks, mixed, shared_gradient, own_gradient
+        )

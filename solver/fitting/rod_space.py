@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solver.core.least_squares import CONVERGED
 from solver.fitting.fit import FrameFit
-from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem
 from solver.fitting.rigid_object import friction_sign_of, with_friction_sign

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.fitting.minimise import DEFICIENT, minimise
+from solver.core.least_squares import DEFICIENT
+from solver.fitting.minimise import minimise
 from solver.fitting.residuals import (
     LEVER,
     PARAMETERS,

@@ -6,8 +6,6 @@ Derived: computed from what is stated. Measured: on what is stated. Chosen: by j
 import math
 from typing import Final, NamedTuple
 
-from solver.instrument.medians import TUKEY_CUT
-
 
 class FittingThresholds(NamedTuple):
     """Thresholds of the fits, and of the verdict on their results, for all methods."""
@@ -24,13 +22,6 @@ class FittingThresholds(NamedTuple):
     # are outliers. Chosen.
     min_scale: float = 1.1
     max_scale: float = 2.0
-    # Tukey's biweight is 0 beyond this many sigmas.
-    tukey_cut: float = TUKEY_CUT
-    # Scaled pivot of the normal equations below which they do not determine a direction. Chosen:
-    # well above rounding.
-    min_pivot: float = 1e-12
-    # A fit has converged after a step shorter than this many sigmas. Chosen.
-    step_sigmas: float = 0.001
     # cos(psi) - W_y sin(psi): rays may not graze plane D more closely. Chosen: errors grow fifty
     # times.
     min_grazing: float = 0.02

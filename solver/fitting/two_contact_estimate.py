@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 
 from solver.beam_models.two_contacts import STEPS, contacts_of, two_contacts_of
+from solver.core.least_squares import CONVERGED
 from solver.fitting.alternative_taper import fit_alternative_taper
 from solver.fitting.fit import FrameFit, start_of
-from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.reflected_light import TouchedPlace, lit_by_object, reflection_matters
 from solver.fitting.residuals import TILT as START_TILT

@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solver.core.least_squares import CONVERGED
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.fit import FrameFit, fit_from, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
-from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of, without
 from solver.fitting.residuals import PSI
 from solver.fitting.rod_estimate import with_bow

@@ -21,7 +21,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import brentq
 
 from solver.beam_models.linear import unit_deflection, unit_deflection_by_contact, unit_slope
-from solver.fitting.correlation import correlation_length
+from solver.core.correlation import correlation_length
 from solver.fitting.first_contact import Bend
 from solver.fitting.linear_estimate import (
     BASE,

@@ -12,10 +12,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.fitting.correlation import correlation_length
-from solver.fitting.robust import MEDIAN, tukey
+from solver.core.correlation import correlation_length
+from solver.core.robust import MEDIAN, tukey
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
+from solver.instrument.medians import TUKEY_CUT
 from solver.photographs.joint import JointProblem, Minimum, System, covariance_of, minimise
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
@@ -228,7 +229,7 @@ def _reweighted(problem: JointProblem, at: System) -> JointProblem:
 def _weights(points: Floats) -> Floats:
     weights = np.empty(len(points))
     scaled = np.ascontiguousarray(points / _scale(points))
-    tukey(scaled, THRESHOLDS.tukey_cut, weights)
+    tukey(scaled, TUKEY_CUT, weights)
     return weights
 
 

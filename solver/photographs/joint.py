@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.rod import S_C, Q
-from solver.fitting.thresholds import THRESHOLDS
+from solver.core.least_squares import MIN_PIVOT
 from solver.instrument.arrays import Floats
 from solver.photographs.problem import OWN, PhotoProblem
 
@@ -122,7 +122,7 @@ def covariance_of(problem: JointProblem, at: System) -> Floats | None:
     """Invert the normal matrix: (p, p), zero for fixed parameters; None if it is singular."""
     unit = np.sqrt(np.maximum(np.diag(at.normal), 1e-300))
     scaled = at.normal / np.outer(unit, unit)
-    if not np.isfinite(scaled).all() or np.linalg.eigvalsh(scaled)[0] < THRESHOLDS.min_pivot:
+    if not np.isfinite(scaled).all() or np.linalg.eigvalsh(scaled)[0] < MIN_PIVOT:
         return None
     covariance = np.zeros_like(problem.information)
     block = np.ix_(problem.free, problem.free)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.smooth import FINE_DEGREE, running_median
-from solver.fitting.correlation import correlation_length
+from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey

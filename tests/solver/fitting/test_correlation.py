@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solver.fitting.correlation import correlation_length
+from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats
 from tests.draws import generator
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from solver.fitting.correlation import correlation_length
+from solver.core.correlation import correlation_length
 from solver.fitting.gauss_newton import Linearised, gauss_newton
 from solver.instrument.arrays import Floats
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
+from solver.core.least_squares import BorderedEquations
 from solver.fitting.problem import problem_of
 from solver.fitting.rigid_object import with_friction_sign
-from solver.fitting.rod_joint import _covariance, _System, _system, fit_jointly
+from solver.fitting.rod_joint import JointProblem, fit_jointly
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import stated_shape
@@ -23,8 +24,8 @@ def test_a_direction_that_the_frames_absorb_has_a_large_variance() -> None:
     mixed = np.array([[[0.0, 0.3]]])
     shared = np.diag([4.0, 0.3])
     assert shared[1, 1] - mixed[0, 0, 1] ** 2 / own[0, 0, 0] < 1e-15
-    at = _System(np.zeros((1, 3)), 0.0, 0.0, own, mixed, shared, np.zeros((1, 1)), np.zeros(2))
-    covariance = _covariance(at)
+    at = BorderedEquations(np.zeros(3), 0.0, shared, own, mixed, np.zeros(2), np.zeros((1, 1)))
+    covariance = at.shared_covariance()
     assert covariance[0, 0] == pytest.approx(0.25)
     assert covariance[1, 1] > 1e10
     assert np.linalg.eigvalsh(covariance).min() > 0
@@ -57,9 +58,15 @@ def test_the_gradient_by_the_mean_friction_is_that_of_the_objective(
     p[:, own] = starts[:, 0]
     p[:, FRICTION_RATIO] = np.linspace(0.0, 0.1, len(frames))
     step = 1e-3
+    joint = JointProblem(frames, p, own, shared)
+
+    def system(friction_ratio: float) -> BorderedEquations | None:
+        parameters = joint.start.copy()
+        parameters[len(shared)] = friction_ratio
+        return joint.system(parameters)
+
     behind, at, ahead = (
-        _system(frames, p, friction_ratio, own, shared)
-        for friction_ratio in (0.05 - step, 0.05, 0.05 + step)
+        system(friction_ratio) for friction_ratio in (0.05 - step, 0.05, 0.05 + step)
     )
     assert behind is not None
     assert at is not None

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from solver.fitting.minimise import CONVERGED
+from solver.core.least_squares import CONVERGED
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.rod_fit import fit_rod, residuals_at
 from solver.fitting.rod_problem import rod_problem_of

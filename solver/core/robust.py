@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
+from solver.instrument.medians import TUKEY_CUT
 
 VARIANCE_FACTOR: Final = 1 / 0.95
 # Median of |x| for a standard normal variable.
@@ -32,7 +32,7 @@ def scale(residual: Floats, max_factor: float) -> float:
     """
     count = 0
     for r in residual:
-        if abs(r) < THRESHOLDS.tukey_cut:
+        if abs(r) < TUKEY_CUT:
             count += 1
     factor = 1.0
     while factor < max_factor:

@@ -1,0 +1,1 @@
+"""Least squares: one loop for all fits, its normal equations, and weights for outliers."""
