@@ -92,7 +92,7 @@ def rigidity_known(fit: PhotosFit, photos: PhotoSet) -> bool:
 def photo_answer(fit: PhotosFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
     """Return the answer for one photograph."""
     own, own_fit = fit.problem.photos[photo], fit.fits[photo]
-    residual = fit.at.residuals[photo][: len(own.points)][own_fit.kept]
+    residual = fit.at.rows[photo].residual[: len(own.points)][own_fit.kept]
     rejected = int((~own_fit.kept).sum())
 
     def answer(outcome: Outcome, message: str, values: dict[str, Value]) -> PhotoAnswer:

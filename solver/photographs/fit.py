@@ -13,11 +13,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.core.correlation import correlation_length
+from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows
 from solver.core.robust import MEDIAN, tukey
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.medians import TUKEY_CUT
-from solver.photographs.joint import JointProblem, Minimum, System, covariance_of, minimise
+from solver.photographs.joint import PhotosProblem, covariance_of
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
 from solver.photographs.problem import RIGIDITY, PhotoProblem
@@ -68,8 +69,8 @@ class PhotosFit:
     `prior` (p,) are the sigmas of the prior, infinite where there is none.
     """
 
-    problem: JointProblem
-    at: System
+    problem: PhotosProblem
+    at: NormalEquations
     covariance: Floats
     converged: bool
     fits: tuple[PhotoFit, ...]
@@ -115,35 +116,34 @@ def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | None:
     for _ in range(_REWEIGHTINGS):
         if all((one > 0).all() for one in weights):  # no outliers
             break
-        fitted = minimise(replace(problem, weights=weights), fitted.at.p) or fitted
+        fitted = replace(problem, weights=weights).minimised(fitted.at.p) or fitted
         weights = _reweighted(problem, fitted.at).weights
-    residuals = zip(problems, fitted.at.residuals, weights, strict=True)
-    fits = tuple(_photo_fit(*one) for one in residuals)
+    fits = tuple(map(_photo_fit, problems, fitted.at.rows, weights))
     final = replace(problem, weights=tuple(one.kept / one.inflation for one in fits))
-    last = minimise(final, fitted.at.p) or fitted
+    last = final.minimised(fitted.at.p) or fitted
     errors = covariance_of(final, last.at)
     if errors is None:
         return None
     sigmas = np.where(prior.open, np.inf, np.sqrt(np.diag(prior.covariance)))
-    return PhotosFit(final, last.at, errors, last.converged, fits, sigmas)
+    return PhotosFit(final, last.at, errors, last.status == CONVERGED, fits, sigmas)
 
 
-def _from_coarse(problem: JointProblem, p: Floats) -> Minimum | None:
+def _from_coarse(problem: PhotosProblem, p: Floats) -> Minimum | None:
     fitted = None
     for error in (*_COARSE, 0.0):
-        fitted = minimise(_coarse(problem, error), p if fitted is None else fitted.at.p)
+        fitted = _coarse(problem, error).minimised(p if fitted is None else fitted.at.p)
         if fitted is None:
             break
     return fitted
 
 
-def _joint(problems: Sequence[PhotoProblem], prior: Prior) -> JointProblem:
+def _joint(problems: Sequence[PhotoProblem], prior: Prior) -> PhotosProblem:
     sigmas = np.sqrt(np.diag(prior.covariance))
     stated = np.flatnonzero(sigmas > 0)
     block, information = np.ix_(stated, stated), np.zeros_like(prior.covariance)
     unit = np.outer(sigmas[stated], sigmas[stated])
     information[block] = np.linalg.inv(prior.covariance[block] / unit) / unit
-    return JointProblem(
+    return PhotosProblem(
         photos=tuple(problems),
         mean=prior.mean,
         information=information,
@@ -152,7 +152,7 @@ def _joint(problems: Sequence[PhotoProblem], prior: Prior) -> JointProblem:
     )
 
 
-def _coarse(problem: JointProblem, error: float) -> JointProblem:
+def _coarse(problem: PhotosProblem, error: float) -> PhotosProblem:
     """Return the problem with points of this least error, over the length of the beam."""
     weights = []
     for photo in problem.photos:
@@ -162,7 +162,7 @@ def _coarse(problem: JointProblem, error: float) -> JointProblem:
     return replace(problem, weights=tuple(weights))
 
 
-def _starts(problem: JointProblem) -> Floats | None:
+def _starts(problem: PhotosProblem) -> Floats | None:
     """Return all parameters (p,), each photograph's fitted by itself."""
     start = problem.mean.copy()
     for i in range(len(problem.photos)):
@@ -175,7 +175,7 @@ def _starts(problem: JointProblem) -> Floats | None:
     return start
 
 
-def _start(problem: JointProblem, photo: int, mean: Floats) -> Floats | None:
+def _start(problem: PhotosProblem, photo: int, mean: Floats) -> Floats | None:
     """Fit one photograph with the shared parameters of the prior; return its own (10,)."""
     own, shared = problem.photos[photo], problem.shared
     place = own.load.place.value / own.length if own.load and own.load.place else None
@@ -183,7 +183,7 @@ def _start(problem: JointProblem, photo: int, mean: Floats) -> Floats | None:
     # The scale of the forces is unknown until a load is.
     alone = replace(own, load=replace(own.load, force=None) if own.load else None)
     free = [i for i in range(shared, len(mean)) if columns[i] in problem.free]
-    single = JointProblem(
+    single = PhotosProblem(
         photos=(alone,),
         mean=mean,
         information=problem.information[np.ix_(columns, columns)],
@@ -194,13 +194,13 @@ def _start(problem: JointProblem, photo: int, mean: Floats) -> Floats | None:
     for start in starts_of(own.points, own.clamp, own.tip, own.side, place, own.load is not None):
         p = mean.copy()
         p[shared:] = start
-        fitted = minimise(single, p)
+        fitted = single.minimised(p)
         if fitted and (best is None or fitted.at.objective < best.at.objective):
             best = fitted
     return None if best is None else best.at.p[shared:]
 
 
-def _rigidity(problem: JointProblem, start: Floats) -> float:
+def _rigidity(problem: PhotosProblem, start: Floats) -> float:
     """Return the log of EI over its nominal value that the known forces give; the median."""
     ratios = []
     for i, photo in enumerate(problem.photos):
@@ -215,13 +215,13 @@ def _scale(points: Floats) -> float:
     return max(float(np.median(np.abs(points))) / MEDIAN, _LEAST_SCALE)
 
 
-def _reweighted(problem: JointProblem, at: System) -> JointProblem:
+def _reweighted(problem: PhotosProblem, at: NormalEquations) -> PhotosProblem:
     """Return the problem with Tukey's weights at the scale of each photograph's residuals."""
     return replace(
         problem,
         weights=tuple(
-            _weights(residual[: len(photo.points)])
-            for photo, residual in zip(problem.photos, at.residuals, strict=True)
+            _weights(rows.residual[: len(photo.points)])
+            for photo, rows in zip(problem.photos, at.rows, strict=True)
         ),
     )
 
@@ -233,9 +233,9 @@ def _weights(points: Floats) -> Floats:
     return weights
 
 
-def _photo_fit(photo: PhotoProblem, residual: Floats, weights: Floats) -> PhotoFit:
+def _photo_fit(photo: PhotoProblem, rows: Rows, weights: Floats) -> PhotoFit:
     kept = weights > 0
-    points = residual[: len(photo.points)][kept]
+    points = rows.residual[: len(photo.points)][kept]
     square = float((points**2).mean())
     inflation = max(square * correlation_length(points), 1.0)
     return PhotoFit(kept, math.sqrt(square), inflation)

@@ -102,17 +102,17 @@ def _of_shared(fit: PhotosFit, photos: PhotoSet) -> list[str]:
 def _of_conflicts(fit: PhotosFit, photos: PhotoSet) -> list[str]:
     """Name stated forces, places and marks that are far from what the photographs show."""
     sentences = []
-    for photo, residual, problem in zip(
-        photos.photographs, fit.at.residuals, fit.problem.photos, strict=True
+    for photo, rows, problem in zip(
+        photos.photographs, fit.at.rows, fit.problem.photos, strict=True
     ):
-        rows = residual[len(problem.points) :]
-        pixels = np.hypot(*rows[: 2 * (2 + len(photo.marks))].reshape(-1, 2).T)
+        stated = rows.residual[len(problem.points) :]
+        pixels = np.hypot(*stated[: 2 * (2 + len(photo.marks))].reshape(-1, 2).T)
         labels = ["clamp_px", "tip_px", *(f"marks.{i}" for i in range(len(photo.marks)))]
         if photo.load and photo.load.force:
             labels.append("load.force_n")
         if photo.load and photo.load.place:
             labels.append("load.at_mm")
-        off = [*pixels, *np.abs(rows[2 * (2 + len(photo.marks)) :])]
+        off = [*pixels, *np.abs(stated[2 * (2 + len(photo.marks)) :])]
         sentences += [
             f"{photo.path.name}: {label} is {sigmas:.0f} sigma from what the photographs show."
             for label, sigmas in zip(labels, off, strict=True)

@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, Q, curve_of
+from solver.core.least_squares import Rows
 from solver.fitting.rod_residuals import DX, DY, POSE, SOFTNESS, TILT, rod_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
@@ -37,17 +38,6 @@ _CORRECTIONS: Final = 3
 _NO_VIEW: Final = np.zeros(3)
 # A beam at rest has no load, at any place.
 _REST_PLACE: Final = 0.5
-
-
-class Rows(NamedTuple):
-    """Residuals (n,) in sigmas and their Jacobian (n, p).
-
-    Those of the beam's points come first, then clamp, tip and marks, u and v of each, and then the
-    stated force and the stated place.
-    """
-
-    residual: Floats
-    jacobian: Floats
 
 
 class Bent(NamedTuple):
@@ -116,7 +106,11 @@ class PhotoProblem:
         return Bent(q, by_p)
 
     def rows(self, p: Floats) -> Rows | None:
-        """Compute all residuals; None if no beam or no view has these parameters."""
+        """Compute all residuals; None if no beam or no view has these parameters.
+
+        Those of the beam's points come first, then clamp, tip and marks, u and v of each, and then
+        the stated force and the stated place.
+        """
         bent = self.bent(p)
         places = places_of(self.points, p[self.view])
         if bent is None or places is None:
@@ -155,10 +149,10 @@ class PhotoProblem:
         marked = self._marked(p, bent)
         if marked is None:
             return None
-        parts = (Rows(residual, by_all), marked, self._stated(p, bent))
+        parts = (Rows(residual, by_all.T), marked, self._stated(p, bent))
         return Rows(
             np.concatenate([part.residual for part in parts]),
-            np.concatenate([part.jacobian for part in parts]),
+            np.ascontiguousarray(np.hstack([part.jacobian for part in parts])),
         )
 
     def moved(self, p: Floats, step: Floats) -> Floats:
@@ -174,10 +168,10 @@ class PhotoProblem:
         before = self._ends(p)
         if before is None:
             return moved
-        expected = before.residual + before.jacobian @ step
+        expected = before.residual + step @ before.jacobian
         for _ in range(_CORRECTIONS):
             ends = self._ends(moved)
-            matrix = None if ends is None else ends.jacobian[:, placed]
+            matrix = None if ends is None else ends.jacobian[placed].T
             if ends is None or matrix is None or not np.linalg.det(matrix):
                 return p + step
             moved[placed] -= np.linalg.solve(matrix, ends.residual - expected)
@@ -187,7 +181,7 @@ class PhotoProblem:
         """Compute the residuals (4,) of clamp and tip."""
         bent = self.bent(p)
         marked = None if bent is None else self._marked(p, bent)
-        return None if marked is None else Rows(marked.residual[:4], marked.jacobian[:4])
+        return None if marked is None else Rows(marked.residual[:4], marked.jacobian[:, :4])
 
     @property
     def view(self) -> list[int]:
@@ -228,7 +222,7 @@ class PhotoProblem:
         by_all[2:, :, LENGTH] -= (images.by_place[2:] @ marks[:, :, None])[:, :, 0]
         pixels = np.vstack([self.clamp, self.tip, self.marks[:, :2]])
         residual = (images.pixels - pixels).ravel() / self.mark_sigma
-        return Rows(residual, by_all.reshape(len(residual), -1) / self.mark_sigma)
+        return Rows(residual, by_all.reshape(len(residual), -1).T / self.mark_sigma)
 
     def _stated(self, p: Floats, bent: Bent) -> Rows:
         """Compute the residuals of the stated force and place."""
@@ -238,7 +232,7 @@ class PhotoProblem:
             _append(residuals, gradients, self.load.force, *self.force(p, bent))
         if self.load and self.load.place:
             _append(residuals, gradients, self.load.place, *self.place(p))
-        return Rows(np.array(residuals), np.array(gradients).reshape(len(residuals), len(p)))
+        return Rows(np.array(residuals), np.array(gradients).reshape(len(residuals), len(p)).T)
 
 
 def _append(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.beam_models.rod import FRICTION_RATIO, STEPS, curve_of
+from solver.core.least_squares import Rows
 from solver.fitting.rod_residuals import POSE
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
@@ -19,7 +20,7 @@ from solver.photographs.bent_beam import (
 )
 from solver.photographs.fit import problems_of
 from solver.photographs.photo_set import PhotoLoad, PhotoSet, Stated
-from solver.photographs.problem import FOCAL, K1, OWN_VIEW, RIGIDITY, PhotoProblem, Rows
+from solver.photographs.problem import FOCAL, K1, OWN_VIEW, RIGIDITY, PhotoProblem
 from tests.draws import generator
 from tests.photo_sets import LENGTH, Force, Noise, TrueBeam, TrueCamera, bent, photograph
 from tests.photo_sets import RIGIDITY as EI
@@ -67,7 +68,7 @@ def nearest(problem: PhotoProblem, p: Floats) -> Floats:
     for _ in range(12):
         rows = rows_at(problem, p)
         p = p.copy()
-        p[free] -= np.linalg.lstsq(rows.jacobian[:, free], rows.residual)[0]
+        p[free] -= np.linalg.lstsq(rows.jacobian[free].T, rows.residual)[0]
     return p
 
 
@@ -91,7 +92,7 @@ def test_the_jacobian_is_that_of_differences(load: Force | None) -> None:
         ahead, behind = rows_at(problem, p + step), rows_at(problem, p - step)
         difference = (ahead.residual - behind.residual) / (2 * step[i])
         largest = max(np.abs(difference).max(), 1.0)
-        assert np.abs(rows.jacobian[:, i] - difference).max() < 2e-3 * largest, i
+        assert np.abs(rows.jacobian[i] - difference).max() < 2e-3 * largest, i
 
 
 def test_a_step_keeps_the_images_of_clamp_and_tip() -> None:
@@ -102,7 +103,7 @@ def test_a_step_keeps_the_images_of_clamp_and_tip() -> None:
     moved = rows_at(problem, problem.moved(p, step))
     before, plain = rows_at(problem, p), rows_at(problem, p + step)
     ends = slice(len(problem.points), len(problem.points) + 4)
-    expected = before.residual[ends] + before.jacobian[ends] @ step
+    expected = before.residual[ends] + step @ before.jacobian[:, ends]
     assert moved.residual[ends] == pytest.approx(expected, abs=1e-6)
     assert np.abs(plain.residual[ends] - expected).max() > 1
 
