@@ -210,6 +210,22 @@ def normal_equations(
     return NormalEquations(p, objective, free, gradient, normal, step, length, rows)
 
 
+@dataclass(frozen=True)
+class Fit:
+    """Minimum: parameters (p,), covariance (p, p) = (J J^T)^-1, chi^2, iterations.
+
+    `rank_deficient` is True if the data do not determine a direction of the parameters; the
+    covariance is then zero.
+    """
+
+    parameters: Floats
+    covariance: Floats
+    chi2: float
+    iterations: int
+    converged: bool
+    rank_deficient: bool
+
+
 class Minimum(NamedTuple):
     """Normal equations where an iteration ended, and why: CONVERGED or STOPPED."""
 
@@ -265,6 +281,34 @@ def minimise(
             if damping > _MAX_DAMPING:
                 break
     return Minimum(at, STOPPED, iteration)
+
+
+def fit_rows(
+    rows: Callable[[Floats], Rows | None], start: Floats, *, step_sigmas: float = STEP_SIGMAS
+) -> Fit:
+    """Minimise the sum of squared residuals, without a prior, from `start` (p,).
+
+    `rows(p)` computes residuals and Jacobian, or None outside the model's domain. Raises ValueError
+    if the start is outside.
+    """
+    free, nothing = np.arange(len(start)), np.zeros((len(start), len(start)))
+
+    def system(p: Floats) -> NormalEquations | None:
+        at = rows(p)
+        return None if at is None else normal_equations(p, free, p, nothing, (whole(at),))
+
+    found = minimise(system, start, step_sigmas=step_sigmas)
+    if found is None:
+        raise ValueError("the start is outside the model's domain")
+    inverse = found.at.inverse()
+    return Fit(
+        parameters=found.at.p,
+        covariance=nothing if inverse is None else inverse,
+        chi2=found.at.objective,
+        iterations=found.iterations,
+        converged=found.status == CONVERGED,
+        rank_deficient=inverse is None,
+    )
 
 
 def _undamped(

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import chdtri
 
-from solver.fitting.gauss_newton import Fit
+from solver.core.least_squares import Fit
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, Push
 from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.unknown_friction import force_variance_second_order

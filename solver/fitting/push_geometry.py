@@ -48,8 +48,25 @@ class FirstTouch(NamedTuple):
 
 
 def about_axis(contact: Contact, offset: Floats) -> Contact:
-    """Return contacts relative to the motor's axis, of a clamp at `offset` (2,) [m] from it."""
-    return replace(contact, x_c=contact.x_c + offset[0], y_c=contact.y_c + offset[1])
+    """Return contacts relative to the motor's axis, of a clamp at `offset` (2,) [m] from it.
+
+    The last two gradients are by the offset.
+    """
+
+    def with_offset(gradient: Floats, by_offset: tuple[float, float] = (0.0, 0.0)) -> Floats:
+        return np.concatenate([gradient, np.tile(by_offset, (gradient.shape[1], 1)).T])
+
+    return replace(
+        contact,
+        x_c=contact.x_c + offset[0],
+        y_c=contact.y_c + offset[1],
+        d_load=with_offset(contact.d_load),
+        d_theta_c=with_offset(contact.d_theta_c),
+        d_lean=with_offset(contact.d_lean),
+        d_x_c=with_offset(contact.d_x_c, (1.0, 0.0)),
+        d_y_c=with_offset(contact.d_y_c, (0.0, 1.0)),
+        d_s_c=with_offset(contact.d_s_c),
+    )
 
 
 def first_about_axis(first: FirstTouch, offset: Floats) -> FirstTouch:
@@ -59,6 +76,8 @@ def first_about_axis(first: FirstTouch, offset: Floats) -> FirstTouch:
     gradients = first.gradients.copy()
     gradients[0] += across * gradients[2]
     gradients[1] -= along * gradients[2]
+    by_offset = np.array([[cosine, sine], [-sine, cosine], [0.0, 0.0]])
+    gradients = np.hstack([gradients, by_offset])
     return FirstTouch(
         float(first.position + along), float(first.height + across), first.angle, gradients
     )

@@ -10,13 +10,13 @@ With friction the unknowns of the friction ratios follow, Coulomb's coefficient 
 `sliding`.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from scipy.linalg import lstsq
 
-from solver.fitting.gauss_newton import Fit, Linearised
+from solver.core.least_squares import Fit, Rows
 from solver.fitting.push_beam import PushBeam, PushFrame
 from solver.fitting.push_geometry import about_axis, first_about_axis, touch
 from solver.fitting.thresholds import THRESHOLDS
@@ -27,8 +27,8 @@ PUSH: Final = 4
 # Tolerance of places as a fraction of the beam's length, and maximum number of Newton's steps.
 _PLACE_TOLERANCE: Final = 1e-10
 _MAX_STEPS: Final = 20
-# Step of differences, in sigmas. Chosen: small enough for a shape to exist, and above rounding.
-_STEP: Final = 1e-3
+# Gradients of a touch by the clamp's offset: those by compliance, reach and x0 are the last ones.
+_OFFSET: Final = slice(-5, -3)
 # Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
 RADIUS_SIGMA: Final = 0.05
 # Prior sigma of Coulomb's coefficient and of each friction ratio: a typical coefficient of dry
@@ -40,13 +40,16 @@ FRICTION_PRIOR_SIGMA: Final = 0.4
 class Shapes:
     """Places and pushing angles of a push's n frames, as functions of its parameters (p,).
 
-    `places` (n,) [m] and `pushing_angles` (n,) [rad] have the gradients (n, p).
+    `places` (n,) [m] and `pushing_angles` (n,) [rad] have the gradients (n, p), and those by the
+    clamp's offset from the motor's axis (n, 2).
     """
 
     places: Floats
     pushing_angles: Floats
     d_places: Floats
     d_pushing_angles: Floats
+    places_by_offset: Floats
+    angles_by_offset: Floats
 
 
 @dataclass(frozen=True)
@@ -117,23 +120,31 @@ class Push:
             return None
         # Derivatives by all but the places at constant excess, which is zero: the places follow.
         by_place = touches.d_excess[1]
-        d_places = self._by_all(-touches.d_excess / by_place)
-        by_angle = touches.d_pushing_angle
-        d_angles = self._by_all(by_angle) + by_angle[1][:, None] * d_places
-        return Shapes(places, touches.pushing_angle, d_places, d_angles)
+        place_by = -touches.d_excess / by_place
+        angle_by = touches.d_pushing_angle
+        angle_by_place = angle_by[1][:, None]
+        d_places, by_offset = self._by_all(place_by), place_by[_OFFSET].T
+        return Shapes(
+            places,
+            touches.pushing_angle,
+            d_places,
+            self._by_all(angle_by) + angle_by_place * d_places,
+            by_offset,
+            angle_by[_OFFSET].T + angle_by_place * by_offset,
+        )
 
     def _by_all(self, by_touch: Floats) -> Floats:
         """Map a touch's gradient (k, n), except that by the places, to all parameters (n, p)."""
         gradient = np.zeros((len(self.frames), self.size + self.ratio_matrix.shape[1]))
         np.fill_diagonal(gradient, by_touch[0])
         gradient[:, self.size :] = by_touch[2][:, None] * self.ratio_matrix
-        by_beam, (by_compliance, by_reach, by_x0) = by_touch[3:-3], by_touch[-3:]
+        by_beam, (by_compliance, by_reach, by_x0) = by_touch[3 : _OFFSET.start], by_touch[-3:]
         gradient[:, self.base.start : self.base.start + len(by_beam)] = by_beam.T
         x0 = self.base.stop
         gradient[:, x0], gradient[:, x0 + 2], gradient[:, x0 + 3] = by_x0, by_compliance, by_reach
         return gradient
 
-    def residuals(self, parameters: Floats) -> Linearised | None:
+    def residuals(self, parameters: Floats) -> Rows | None:
         """Compute residuals and Jacobian in sigmas; None if a shape or its push does not exist."""
         shapes = self.shapes(parameters)
         images = None if shapes is None else self._image_residuals(parameters, shapes.places)
@@ -141,14 +152,17 @@ class Push:
             return None
         # Places are functions of all parameters; the other unknowns of the points are parameters.
         count, image_unknowns = len(self.frames), self.base.stop
-        by_parameters = np.zeros((images[1].shape[1], len(parameters)))
+        by_parameters = np.zeros((len(parameters), len(images.jacobian)))
         by_parameters[:image_unknowns, :image_unknowns] = np.eye(image_unknowns)
-        by_parameters[image_unknowns : image_unknowns + count] = shapes.d_places
-        by_parameters[image_unknowns + count :, self.size :] = np.eye(self.ratio_matrix.shape[1])
+        by_parameters[:, image_unknowns : image_unknowns + count] = shapes.d_places.T
+        by_parameters[self.size :, image_unknowns + count :] = np.eye(self.ratio_matrix.shape[1])
         residual, jacobian = self._push_residuals(parameters, shapes)
-        return np.append(images[0], residual), np.vstack([images[1] @ by_parameters, jacobian])
+        return Rows(
+            np.append(images.residual, residual),
+            np.hstack([by_parameters @ images.jacobian, jacobian]),
+        )
 
-    def _image_residuals(self, parameters: Floats, places: Floats) -> Linearised | None:
+    def _image_residuals(self, parameters: Floats, places: Floats) -> Rows | None:
         """Compute the residuals of the images: a few rows per frame, and the prior.
 
         The Jacobian is by q (n), clamp and beam, the places (n) and the friction ratios' unknowns.
@@ -171,7 +185,7 @@ class Push:
         by_base = np.zeros((len(prior.mean), jacobians[0].shape[1]))
         by_base[:, self.base] = prior.root
         residuals.append(prior.root @ (parameters[self.base] - prior.mean))
-        return np.concatenate(residuals), np.vstack([*jacobians, by_base])
+        return Rows(np.concatenate(residuals), np.vstack([*jacobians, by_base]).T)
 
     def _rows(self, i: int, parameters: Floats, places: Floats) -> Floats | None:
         """Compute the rows of a frame, as `PushBeam.rows`."""
@@ -180,7 +194,7 @@ class Push:
         )
         return self.beam.rows(i, parameters[i], places[i], friction_ratio, parameters[self.base])
 
-    def _push_residuals(self, parameters: Floats, shapes: Shapes) -> Linearised:
+    def _push_residuals(self, parameters: Floats, shapes: Shapes) -> Rows:
         """Compute the push's residuals: pushing angles (n), priors of radius and friction."""
         count, ratio_count, side = (
             len(self.frames),
@@ -199,7 +213,7 @@ class Push:
         sigma = np.full(len(residual), self.encoder_sigma)
         sigma[count] = RADIUS_SIGMA * self.rig.beam.length
         sigma[count + 1 :] = self.friction_sigma
-        return residual / sigma, jacobian / sigma[:, None]
+        return Rows(residual / sigma, (jacobian / sigma[:, None]).T)
 
     def moved_by_shared_errors(self, fit: Fit) -> Floats:
         """Compute the displacement (p, k) of a fit by one sigma of each shared error."""
@@ -210,24 +224,28 @@ class Push:
         columns = self.base.stop - len(self.frames) + 4
         frames = [self._rows(i, parameters, shapes.places) for i in range(len(self.frames))]
         errors = [rows[:, columns:] for rows in frames if rows is not None]
-        shared = np.zeros((len(joint[0]), max(error.shape[1] for error in errors)))
+        shared = np.zeros((len(joint.residual), max(error.shape[1] for error in errors)))
         first = 0
         for error in errors:
             shared[first : first + len(error), : error.shape[1]] = error
             first += len(error)
-        return np.asarray(fit.covariance @ joint[1].T @ shared)
+        return np.asarray(fit.covariance @ joint.jacobian @ shared)
 
     def moved_by_offset(self, fit: Fit) -> Floats:
         """Compute the displacement (p, 2) of a fit by one sigma each of the clamp's offset."""
-        joint = self.residuals(fit.parameters)
+        shapes, joint = self.shapes(fit.parameters), self.residuals(fit.parameters)
+        assert shapes is not None
         assert joint is not None
+        images = self._image_residuals(fit.parameters, shapes.places)
+        assert images is not None
+        count, size = len(self.frames), self.base.stop
+        by_offset = np.zeros((len(joint.residual), 2))
+        angles = len(images.residual)
+        by_offset[:angles] = images.jacobian[size : size + count].T @ shapes.places_by_offset
+        by_offset[angles : angles + count] = shapes.angles_by_offset / self.encoder_sigma
         values, vectors = np.linalg.eigh(self.offset_covariance)
-        moved = np.zeros((len(joint[0]), 2))
-        for i, sigma in enumerate((vectors * np.sqrt(np.maximum(values, 0.0))).T):
-            other = replace(self, offset=self.offset + _STEP * sigma).residuals(fit.parameters)
-            assert other is not None
-            moved[:, i] = (other[0] - joint[0]) / _STEP
-        return np.asarray(fit.covariance @ joint[1].T @ moved)
+        sigmas = vectors * np.sqrt(np.maximum(values, 0.0))
+        return np.asarray(fit.covariance @ joint.jacobian @ by_offset @ sigmas)
 
     def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
         """Compute chi^2 and degrees of freedom of the push's own equations (Rao 1948).
@@ -241,7 +259,11 @@ class Push:
         assert joint is not None
         images = self._image_residuals(parameters, shapes.places)
         assert images is not None
-        (all_residuals, _), (image_residuals, jacobian) = joint, images
+        all_residuals, image_residuals, jacobian = (
+            joint.residual,
+            images.residual,
+            images.jacobian.T,
+        )
         scale = np.linalg.norm(jacobian, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
         step = lstsq(jacobian / scale, image_residuals, lapack_driver="gelsy")[0]

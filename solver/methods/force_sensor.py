@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from solver.beam_models.exact import MOST_SINE
-from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
+from solver.core.least_squares import Fit, Rows, fit_rows
 from solver.fitting.starts import MAX_START
 from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.values import SHAPE, shape_quantities
@@ -45,19 +45,17 @@ def force_sensor(measurement: Measurement) -> Estimate:
         )
     rigidity, length = measurement.rig.beam.flexural_rigidity, measurement.rig.beam.length
 
-    def residuals(p: Floats) -> Linearised | None:
+    def residuals(p: Floats) -> Rows | None:
         predicted = _predicted(p, rigidity)
         if predicted is None:
             return None
-        return (predicted[0] - load) / sigma, predicted[1] / sigma[:, None]
+        return Rows((predicted.residual - load) / sigma, predicted.jacobian / sigma)
 
     force, moment = (float(np.linalg.norm(part)) for part in (load[:3], load[3:]))
     # The moment is normal to the plane. Start inside the model's domain.
     lever = min(max(moment / max(force, sensors.base_force), length / 100), length)
     q = min(max(moment / lever / rigidity, 1e-9), MAX_START / lever**2)
-    fit = gauss_newton(
-        residuals, np.array([q, lever, math.atan2(-load[4], load[5])]), step_tolerance=1e-2
-    )
+    fit = fit_rows(residuals, np.array([q, lever, math.atan2(-load[4], load[5])]), step_sigmas=1e-2)
     return _estimate(measurement, fit)
 
 
@@ -70,8 +68,8 @@ def _load_on_beam(measurement: Measurement) -> Floats:
     return np.concatenate([force, moment])
 
 
-def _predicted(p: Floats, rigidity: float) -> Linearised | None:
-    """Compute force and moment on the beam (6,) and their Jacobian (6, 3) by (q, lever, psi)."""
+def _predicted(p: Floats, rigidity: float) -> Rows | None:
+    """Compute force and moment on the beam (6,) and their Jacobian (3, 6) by (q, lever, psi)."""
     q, lever, psi = (float(v) for v in p)
     sine = q * lever**2 / 2
     if not (q > 0 and lever > 0 and sine < MOST_SINE):
@@ -83,14 +81,14 @@ def _predicted(p: Floats, rigidity: float) -> Linearised | None:
     force = rigidity * q
     direction = -sine * along + cosine * across
     by_sine = force * (-along - sine / cosine * across)
-    jacobian = np.empty((6, 3))
-    jacobian[:3, 0] = rigidity * direction + by_sine * lever**2 / 2
-    jacobian[:3, 1] = by_sine * q * lever
-    jacobian[:3, 2] = force * cosine * normal
-    jacobian[3:, 0] = rigidity * lever * normal
-    jacobian[3:, 1] = force * normal
-    jacobian[3:, 2] = -force * lever * across
-    return np.concatenate([force * direction, force * lever * normal]), jacobian
+    jacobian = np.empty((3, 6))
+    jacobian[0, :3] = rigidity * direction + by_sine * lever**2 / 2
+    jacobian[1, :3] = by_sine * q * lever
+    jacobian[2, :3] = force * cosine * normal
+    jacobian[0, 3:] = rigidity * lever * normal
+    jacobian[1, 3:] = force * normal
+    jacobian[2, 3:] = -force * lever * across
+    return Rows(np.concatenate([force * direction, force * lever * normal]), jacobian)
 
 
 def _estimate(measurement: Measurement, fit: Fit) -> Estimate:

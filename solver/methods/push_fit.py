@@ -32,7 +32,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.fitting.gauss_newton import gauss_newton
+from solver.core.least_squares import fit_rows
 from solver.fitting.push_estimate import push_estimate, single_frame
 from solver.fitting.push_frames import BentFrames, bent_frames
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, PUSH, Push
@@ -99,14 +99,14 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     if friction_sigma:
         push = _sliding(replace(push, friction_sigma=friction_sigma), bent, start, _START_SIGMA)
         start = np.append(start, np.zeros(push.ratio_matrix.shape[1]))
-    fit = gauss_newton(push.residuals, start)
+    fit = fit_rows(push.residuals, start)
     if friction_sigma and not fit.rank_deficient:
         sigma = 2 * np.sqrt(fit.covariance[push.size - 2, push.size - 2])
         again = _sliding(push, bent, fit.parameters, sigma * _unit_stiffness(push, bent))
         if not np.array_equal(again.ratio_matrix, push.ratio_matrix):
             no_ratios = np.zeros(again.ratio_matrix.shape[1])
             push, start = again, np.append(fit.parameters[: push.size], no_ratios)
-            fit = gauss_newton(push.residuals, start)
+            fit = fit_rows(push.residuals, start)
     if not fit.rank_deficient:
         moved = np.hstack([push.moved_by_shared_errors(fit), push.moved_by_offset(fit)])
         fit = replace(fit, covariance=fit.covariance + moved @ moved.T)

@@ -24,8 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.beam_models.linear import unit_deflection, unit_slope
+from solver.core.least_squares import Rows, fit_rows
 from solver.fitting.first_contact import nearest_linear_bend
-from solver.fitting.gauss_newton import Linearised, gauss_newton
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
@@ -120,23 +120,23 @@ def _onset(loads: list[_Load], side: int, encoder: float) -> _Onset | None:
         return None
     sigma = np.hypot([load.sigma for load in loads], growth * encoder)
 
-    def residuals(p: Floats) -> Linearised | None:
+    def residuals(p: Floats) -> Rows | None:
         growth, onset = p
         pushing = side * (onset - angles)
         if np.abs(pushing).max() >= math.pi / 2:
             return None
         tangent = np.tan(pushing)
         by_onset = growth * side * (1 + tangent**2)
-        jacobian = np.column_stack([tangent, by_onset]) / sigma[:, None]
-        return (growth * tangent - measured) / sigma, jacobian
+        jacobian = np.array([tangent, by_onset]) / sigma
+        return Rows((growth * tangent - measured) / sigma, jacobian)
 
-    fit = gauss_newton(residuals, np.array([growth, -level / slope]))
+    fit = fit_rows(residuals, np.array([growth, -level / slope]))
     linearised = residuals(fit.parameters)
     if linearised is None or not fit.converged or fit.rank_deficient or fit.parameters[0] <= 0:
         return None
-    by_load = (fit.covariance @ linearised[1].T)[1] / sigma
+    by_load = (fit.covariance @ linearised.jacobian)[1] / sigma
     # A larger motor angle changes the residual as a smaller onset does.
-    return _Onset(float(fit.parameters[1]), by_load, by_load * linearised[1][:, 1] * sigma)
+    return _Onset(float(fit.parameters[1]), by_load, by_load * linearised.jacobian[1] * sigma)
 
 
 def _quantities(

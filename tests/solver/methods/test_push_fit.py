@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from solver.beam_models import frictional
-from solver.fitting.gauss_newton import gauss_newton
+from solver.core.least_squares import fit_rows
 from solver.fitting.problem import problem_of
 from solver.fitting.push_beam import PushFrame
 from solver.fitting.push_geometry import FirstTouch, Touch, touch
@@ -579,6 +579,24 @@ def test_an_object_that_would_pull_the_beam_along_is_refused(random: np.random.G
 
 
 @pytest.mark.thorough
+def joint_push(
+    random: np.random.Generator, friction: float, angles_deg: tuple[float, ...]
+) -> tuple[Push, Floats]:
+    """A push of a uniform beam against an object at 120 mm, and a start of its fit."""
+    last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles_deg)
+    push_frames = (*last.earlier, last)
+    frames = tuple(PushFrame(one.motor_angle or 0.0) for one in push_frames)
+    points = [UniformPoints(problem_of(one, with_tip=False), 1.0) for one in push_frames]
+    beam = UniformBeam(tuple(points), last.rig, last.base_covariance)
+    pushing = np.radians(angles_deg)
+    matrix = ratio_matrix(pushing, [False] * len(angles_deg), ENCODER_SIGMA, 0.0, 0.0)
+    if not friction:
+        matrix = matrix[:, :0]
+    bends = 2 * pushing / 0.12**2
+    start = [*bends, 0.0, 0.0, 0.0, 0.12, ONSET, 0.0, 2e-3, *[0.0] * matrix.shape[1]]
+    return Push(frames, last.rig, beam, matrix), np.array(start)
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_the_tension_of_a_single_object_is_chance(
     friction: float, random: np.random.Generator
@@ -586,21 +604,29 @@ def test_the_tension_of_a_single_object_is_chance(
     angles = THERE_AND_BACK_DEG if friction else THERE_AND_BACK_DEG[:4]
     tensions, equations = [], 0
     for _ in range(24):
-        last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles)
-        push_frames = (*last.earlier, last)
-        frames = tuple(PushFrame(one.motor_angle or 0.0) for one in push_frames)
-        points = [UniformPoints(problem_of(one, with_tip=False), 1.0) for one in push_frames]
-        beam = UniformBeam(tuple(points), last.rig, last.base_covariance)
-        pushing = np.radians(angles)
-        matrix = ratio_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0, 0.0)
-        if not friction:
-            matrix = matrix[:, :0]
-        push = Push(frames, last.rig, beam, matrix)
-        bends = 2 * pushing / 0.12**2
-        start = [*bends, 0.0, 0.0, 0.0, 0.12, ONSET, 0.0, 2e-3]
-        fit = gauss_newton(push.residuals, np.array([*start, *[0.0] * matrix.shape[1]]))
+        push, start = joint_push(random, friction, angles)
+        fit = fit_rows(push.residuals, start)
         assert fit.converged
         tension, equations = push.consistency_chi2(fit.parameters)
         tensions.append(tension)
     spread = math.sqrt(2 * equations / len(tensions))
     assert np.mean(tensions) == pytest.approx(equations, abs=6 * spread)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_an_offset_of_the_clamp_moves_the_fit_as_a_fit_with_it_is_moved(friction: float) -> None:
+    push, start = joint_push(generator(__name__, 1), friction, THERE_AND_BACK_DEG)
+    push = replace(push, offset_covariance=np.array([[4e-6, 1e-6], [1e-6, 1e-6]]))
+    fit = fit_rows(push.residuals, start, step_sigmas=1e-7)
+    moved = push.moved_by_offset(fit)
+    values, vectors = np.linalg.eigh(push.offset_covariance)
+    sigmas = np.sqrt(np.diag(fit.covariance))
+    for column, sigma in zip(moved.T, (vectors * np.sqrt(values)).T, strict=True):
+        step = 0.01
+        ahead, behind = (
+            fit_rows(replace(push, offset=part * sigma).residuals, fit.parameters, step_sigmas=1e-7)
+            for part in (step, -step)
+        )
+        # What the residuals gain by an offset, the fit takes back.
+        by_offset = (behind.parameters - ahead.parameters) / (2 * step) / sigmas
+        assert column / sigmas == pytest.approx(by_offset, abs=0.02 * np.abs(by_offset).max())

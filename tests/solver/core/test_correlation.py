@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats
@@ -30,3 +31,12 @@ def test_of_nothing_and_of_equal_residuals_it_is_one() -> None:
     assert correlation_length(np.empty(0)) == 1.0
     assert correlation_length(np.zeros(7)) == 1.0
     assert correlation_length(np.full(1, 2.0)) == 1.0
+
+
+def test_of_a_markov_process_it_is_known(random: np.random.Generator) -> None:
+    rho = 0.8
+    kicks = random.standard_normal(2_000_000)
+    values = lfilter([1.0], [1.0, -rho], kicks)
+    # AR(1): 1 + 2 sum(rho^k) = (1 + rho) / (1 - rho)
+    assert correlation_length(values) == pytest.approx((1 + rho) / (1 - rho), rel=0.1)
+    assert correlation_length(kicks) < 1.1
