@@ -25,7 +25,7 @@ from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import least_squares
 
-from solver.beam_models.rod_stretch import LEAST_WIDTH, least_width
+from solver.beams.stretch import LEAST_WIDTH, least_width
 from solver.calibrate.thresholds import THRESHOLDS
 from solver.core.correlation import correlation_length
 from solver.fitting.rod_problem import in_beam_frame

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import WIDTHS
+from solver.beams.stretch import WIDTHS
 from solver.fitting.problem import Problem
 from solver.fitting.rod_fit import LeastSquares, least_squares
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
@@ -58,7 +58,7 @@ def fit_alternative_taper(
     best = _best_fit(rod, starts)
     if best is None:
         return OtherTaper(np.inf, 1.0)
-    return OtherTaper(best.objective, 1.0 + float(best.p[WIDTHS : WIDTHS + rod.widths].sum()))
+    return OtherTaper(best.objective, 1.0 + float(best.p[rod.parameters.span("widths")].sum()))
 
 
 def with_other_friction(

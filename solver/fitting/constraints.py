@@ -5,7 +5,7 @@ Each is added to the normal equations of a fit, in the parameters and units of `
 
 import numpy as np
 
-from solver.beam_models.exact import contact_at
+from solver.beams.exact import contact_at
 from solver.fitting.residuals import (
     DX,
     DY,

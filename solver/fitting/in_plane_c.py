@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.beam_models.exact import BEND_GENTLE, BEND_STEEP, GENTLE, STEEP, bend_at
+from solver.beams.exact import BEND_GENTLE, BEND_STEEP, GENTLE, STEEP, bend_at
 from solver.fitting.residuals import (
     DX,
     DY,

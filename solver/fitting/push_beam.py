@@ -2,7 +2,7 @@
 
 from typing import NamedTuple, Protocol
 
-from solver.beam_models.frictional import Contact
+from solver.beams.frictional import Contact
 from solver.fitting.push_geometry import FirstTouch
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement

@@ -5,8 +5,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from solver.beam_models.linear import unit_deflection
-from solver.beam_models.rod import S_C, Q
+from solver.beams.beam import S_C, Q
+from solver.beams.linear import unit_deflection
 from solver.fitting.fit import FrameFit, fit_from, start_of
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.problem import problem_of, without

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.frictional import Contact
+from solver.beams.frictional import Contact
 from solver.instrument.arrays import Floats
 
 

@@ -7,16 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.curve import END, Curve
-from solver.beam_models.frictional import Contact
-from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
-from solver.beam_models.rod_stretch import width_at
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
+from solver.beams.curve import END
+from solver.beams.frictional import Contact
 from solver.fitting import frames
 from solver.fitting.push_beam import LastShape, Prior
 from solver.fitting.push_geometry import FirstTouch
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import SOFTNESS, clamp_moment
 from solver.fitting.rod_values import input_variances, rod_contact
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
@@ -94,25 +92,25 @@ class RodBeam:
 
     def first_touch(self, x0: float, beam: Floats) -> FirstTouch:
         """Compute the line of the bowed beam, at the surface of a beam as thick as at its clamp."""
-        length, size = self.rig.beam.length, self._problem.shape_size
+        length, bow = self.rig.beam.length, self._problem.parameters.span("bow")
         p, x = self._parameters(0, 0.0, x0, 0.0, beam), x0 / length
-        bow = WIDTHS + self._problem.widths
-        orders = np.arange(2, 2 + size - bow)
-        height, slope = p[bow:size] @ x**orders, p[bow:size] @ (orders * x ** (orders - 1))
-        bend = p[bow:size] @ (orders * (orders - 1) * x ** (orders - 2))
+        orders = np.arange(2, 2 + bow.stop - bow.start)
+        height, slope = p[bow] @ x**orders, p[bow] @ (orders * x ** (orders - 1))
+        bend = p[bow] @ (orders * (orders - 1) * x ** (orders - 2))
         angle, (excess, by_excess) = math.atan(slope), self._thicker(p, x)
         sine, cosine = math.sin(angle), math.cos(angle)
         position, across = x * cosine + height * sine, height * cosine - x * sine
         # By x0, and by all parameters.
         gradients = np.zeros((3, 1 + len(p)))
+        by_bow = slice(1 + bow.start, 1 + bow.stop)
         gradients[2, 0] = bend * cosine**2
-        gradients[2, 1 + bow : 1 + size] = orders * x ** (orders - 1) * cosine**2
+        gradients[2, by_bow] = orders * x ** (orders - 1) * cosine**2
         gradients[0] = across * gradients[2]
         gradients[1] = -position * gradients[2]
         gradients[0, 0] += cosine + slope * sine
         gradients[1, 0] += slope * cosine - sine
-        gradients[0, 1 + bow : 1 + size] += x**orders * sine
-        gradients[1, 1 + bow : 1 + size] += x**orders * cosine
+        gradients[0, by_bow] += x**orders * sine
+        gradients[1, by_bow] += x**orders * cosine
         gradients[1, 0] -= by_excess[S_C]
         gradients[1, 1:] -= np.where(np.arange(len(p)) == S_C, 0.0, by_excess)
         chosen = gradients[:, [0, *(1 + self.fitted)]]
@@ -179,16 +177,15 @@ class RodBeam:
         return p
 
     def _contact(self, p: Floats) -> Floats | None:
-        """Compute the quantities of `contact_of` relative to the clamp, with gradients (6, 1 + p).
+        """Compute the quantities of `BentBeam` relative to the clamp, with gradients (6, 1 + p).
 
         The contact is that of a beam as thick as at its clamp. Returns None without a shape.
         """
-        size = self._problem.shape_size
-        curve: Curve = curve_of(p[:size], self._problem.widths, self._problem.radius, STEPS)
-        if not curve.exists:
+        bent = self._problem.bent(p)
+        if bent is None:
             return None
-        table = np.zeros((6, 1 + len(p)))
-        table[:, 0], table[:, 1 : 1 + size] = contact_of(curve, p[:size])
+        table, size = np.zeros((6, 1 + len(p))), len(bent.by_moment)
+        table[:, 0], table[:, 1 : 1 + size] = bent.contacts[-1], bent.by_contacts[-1]
         _, theta, x, y, _, _ = table
         excess, by_excess = self._thicker(p, p[S_C])
         surface = np.append(excess, by_excess)
@@ -199,14 +196,10 @@ class RodBeam:
             y - cosine * surface + excess * sine * by_theta,
         )
         # The clamp turns under its moment.
-        moment, by_moment = clamp_moment(curve, p[:size])
-        softness = p[size + SOFTNESS]
+        softness = self._problem.parameters["softness"]
         turn = np.zeros(1 + len(p))
-        turn[0], turn[1 : 1 + size], turn[1 + size + SOFTNESS] = (
-            softness * moment,
-            softness * by_moment,
-            moment,
-        )
+        turn[0], turn[1 : 1 + size] = p[softness] * bent.moment, p[softness] * bent.by_moment
+        turn[1 + softness] = bent.moment
         sine, cosine = math.sin(turn[0]), math.cos(turn[0])
         by_turn = np.append(0.0, turn[1:])
         turned_x, turned_y = cosine * x - sine * y, sine * x + cosine * y
@@ -217,9 +210,7 @@ class RodBeam:
 
     def _thicker(self, p: Floats, s: float) -> tuple[float, Floats]:
         """Compute the radius at s over that at the clamp, as a difference, with gradient (p,)."""
-        bow, radius = WIDTHS + self._problem.widths, self._problem.radius
-        terms, gradient = np.zeros(max(bow - WIDTHS, 1)), np.zeros(len(p))
-        width, slope = width_at(s, p[WIDTHS:bow], terms)
-        gradient[S_C] = radius * slope
-        gradient[WIDTHS:bow] = radius * terms[: bow - WIDTHS]
-        return radius * (width - 1), gradient
+        beam, gradient = self._problem.beam, np.zeros(len(p))
+        radius = beam.radius_at(p, s)
+        gradient[: len(radius.gradient)] = radius.gradient
+        return radius.value - beam.radius, gradient

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models import frictional
+from solver.beams import frictional
 from solver.fitting.problem import Problem
 from solver.fitting.push_beam import LastShape, Prior
 from solver.fitting.push_geometry import FirstTouch

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import STEPS, contact_of, curve_of
+from solver.beams.beam import BentBeam
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import (
     LEAST_REFLECTION,
@@ -37,15 +37,22 @@ class TouchedPlace(NamedTuple):
 
 def touched_place(problem: RodProblem, p: Floats) -> TouchedPlace:
     """Compute the contact of a fit with parameters p (p,)."""
-    shape = p[: problem.shape_size]
-    curve = curve_of(shape, problem.widths, problem.radius, STEPS)
-    _, theta, x, y, *_ = contact_of(curve, shape)[0]
-    return TouchedPlace(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
+    bent = problem.bent(p)
+    assert bent is not None, "the fit has a shape"
+    return places_of(bent)[0]
+
+
+def places_of(bent: BentBeam) -> list[TouchedPlace]:
+    """Return the contacts of a shape, from the clamp outwards."""
+    return [
+        TouchedPlace(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
+        for _, theta, x, y, *_ in bent.contacts
+    ]
 
 
 def reflection_matters(problem: RodProblem) -> bool:
     """Test whether the light that an object reflects may move the points by part of their sigma."""
-    return reflection(problem.points, problem.radius) > LEAST_REFLECTION
+    return reflection(problem.points, problem.beam.radius) > LEAST_REFLECTION
 
 
 def lit_by_object(problem: P, touch: TouchedPlace) -> P:
@@ -63,7 +70,7 @@ def lit_by_objects(problem: P, touch: TouchedPlace) -> P:
 def _light(problem: RodProblem, touch: TouchedPlace) -> Floats:
     """Compute the shift of the points (n, 2), in sigmas: beside the contact, and ahead of it."""
     x, y = (problem.points[[X, Y]] - touch.place[:, None]) / _OBJECT
-    shift = REFLECTED * problem.radius / (1 + x * x + y * y)
+    shift = REFLECTED * problem.beam.radius / (1 + x * x + y * y)
     sigmas = np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])
     ahead = x * touch.direction[0] + y * touch.direction[1]
     return np.column_stack([shift / sigmas, ahead * shift / sigmas])

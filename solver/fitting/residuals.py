@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.exact import (
+from solver.beams.exact import (
     BEND_GENTLE,
     BEND_STEEP,
     GENTLE,

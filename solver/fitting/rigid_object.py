@@ -20,8 +20,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
-from solver.beam_models.rod_stretch import width_at
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
 from solver.fitting.rod_problem import P, RodProblem
 from solver.fitting.sliding import CERTAIN, HELD
 from solver.instrument.arrays import Floats
@@ -50,7 +49,7 @@ def friction_sign_of(problem: RodProblem, p: Floats) -> int:
     growth = _growth(problem, p)
     # Where bow and offset cancel the thickness, errors of a part of it decide.
     at_first = max(growth.first, growth.straight)
-    if growth.now < -HELD * math.sqrt(problem.radius / p[S_C]) * at_first:
+    if growth.now < -HELD * math.sqrt(problem.beam.radius / p[S_C]) * at_first:
         return 1
     return -1 if growth.now > (1 - CERTAIN) * at_first else 0
 
@@ -70,19 +69,19 @@ def with_friction_sign(problem: P, sign: int) -> P:
 
 def _growth(problem: RodProblem, p: Floats) -> _Growth:
     assert problem.rigid is not None, "the rig states that objects are rigid"
-    shape = p[: problem.shape_size].copy()
+    shape = p.copy()
     shape[FRICTION_RATIO] = 0.0
-    widths = shape[WIDTHS : WIDTHS + problem.widths]
-    width, _ = width_at(float(shape[S_C]), widths, np.zeros(max(len(widths), 1)))
-    radius = problem.radius * width
+    radius = problem.beam.radius_at(shape, float(shape[S_C])).value
     found: list[float] = []
     straight = 0.0
     for load in (_FIRST * shape[Q], shape[Q]):
         shape[Q] = load
-        values, gradients = contact_of(
-            curve_of(shape, problem.widths, problem.radius, STEPS), shape
+        bent = problem.bent(shape)
+        assert bent is not None, "a smaller load than that of the fit has a shape"
+        (_, theta, x, y, *_), (_, turn, along, across, *_) = (
+            bent.contacts[-1],
+            bent.by_contacts[-1, :, Q],
         )
-        (_, theta, x, y, *_), (_, turn, along, across, *_) = values, gradients[:, Q]
         normal = np.array([math.sin(theta), -math.cos(theta)])
         tangent = np.array([math.cos(theta), math.sin(theta)])
         arm = np.array([x, y]) + radius * normal - problem.rigid.axis

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO
+from solver.beams.beam import FRICTION_RATIO
 from solver.core.least_squares import CONVERGED
 from solver.fitting.fit import FrameFit
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of

@@ -110,7 +110,7 @@ def _minimise(problem: RodProblem, start: Floats, cut: float) -> Minimum | None:
 
     def moved(p: Floats, step: Floats) -> Floats | None:
         trial = problem.moved(p, step)
-        return trial if all(0 < trial[i] < 2 * p[i] for i in problem.positive) else None
+        return trial if all(0 < trial[i] < 2 * p[i] for i in problem.beam.positive) else None
 
     return minimise(system, start, moved)
 

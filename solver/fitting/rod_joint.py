@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, Q
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
 from solver.core.least_squares import CONVERGED, BorderedEquations, minimise
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import SHARED_VARIANCE_FRACTION, RodProblem

@@ -6,12 +6,13 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
+from solver.beams.beam import CLAMP, FRICTION_RATIO, S_C, Beam, BentBeam, Q
+from solver.beams.integrated_beam import IntegratedBeam
+from solver.core.parameters import Parameters
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y
-from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
-from solver.fitting.rod_step import straight_in_free_end
+from solver.fitting.rod_residuals import beam_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW, SKEW, BeamShape, Friction
 from solver.instrument.estimate import Assumption
@@ -41,8 +42,8 @@ class RigidObjects(NamedTuple):
 class RodProblem:
     """Points of one frame and the prior of its parameters, in units of the beam's length.
 
-    `points` (4, n) and `view` (3,) are those of `residuals`; `widths` and `radius` those of
-    `rod.curve_of`. The parameters are those of `rod_residuals`, and then the errors that all points
+    `points` (4, n) and `view` (3,) are those of `residuals`. The `parameters` are those of the
+    beam's shape and of its clamp, as in `beams.beam`, and then the block "errors", which all points
     share: `shared` (n, k) is the shift of each point, in sigmas, by one sigma of each. `mean` (p,)
     and `information` (p, p) are their prior; `free` (f,) are the indices of those that are fitted.
     The last `own_errors` parameters are errors that only the points of this frame share. `rigid`
@@ -52,8 +53,7 @@ class RodProblem:
 
     points: Floats
     view: Floats
-    widths: int
-    radius: float
+    beam: Beam
     shared: Floats
     mean: Floats
     information: Floats
@@ -67,10 +67,10 @@ class RodProblem:
         """What the rig states of the parameter FRICTION_RATIO."""
         return Assumption.FRICTION
 
-    @property
-    def shape_size(self) -> int:
-        """Number of parameters of the shape, which come first."""
-        return len(self.mean) - POSE - int(self.shared.shape[1])
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Names of the parameters."""
+        return with_errors(self.beam, self.shared.shape[1])
 
     @property
     def common(self) -> int:
@@ -92,40 +92,49 @@ class RodProblem:
         directions, excess = self._whitener
         return np.asarray(rows - (rows @ directions * excess) @ directions.T)
 
-    @property
-    def positive(self) -> tuple[int, ...]:
-        """Indices of parameters that stay positive, and at most double in one step of a fit."""
-        return (Q, S_C)
+    def bent(self, p: Floats) -> BentBeam | None:
+        """Compute the shape of a fit with parameters p; None if no beam has it."""
+        return self.beam.bent(p[: len(self.beam.parameters)])
 
     def moved(self, p: Floats, step: Floats) -> Floats:
         """Return the parameters (p,) after a step (p,) of a fit, along the objective's valley."""
-        size, ray = self.shape_size, float(self.view[1])
-        return straight_in_free_end(p, step, size, self.widths, self.radius, ray)
+        after, own = p + step, self.parameters["errors"]
+        after[:own] = self.beam.after_step(p[:own], step[:own], float(self.view[1]))
+        return after
 
     def rod_fit(self, fit: FrameFit) -> FrameFit:
-        """Return a fit of this problem with the parameters of `rod_residuals`."""
+        """Return a fit of this problem with the parameters of `beams.beam`."""
         return fit
 
     def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
-        """Write the residuals (n,) of shape and pose p, and their Jacobian, as `rod_residuals`."""
-        return bool(
-            rod_residuals(
-                p, self.points, self.view, self.widths, self.radius, residual,
-                jacobian,
-            )
-        )  # fmt: skip
+        """Write the residuals (n,) of shape and clamp p, and their Jacobian."""
+        return beam_residuals(self.beam, p, self.points, self.view, residual, jacobian)
+
+
+def with_errors(beam: Beam, errors: int) -> Parameters:
+    """Return the parameters of a frame's fit: a beam's, its clamp's, errors of many points."""
+    return beam.parameters.followed_by(*CLAMP, ("errors", errors))
 
 
 P = TypeVar("P", bound=RodProblem)
 
 
-def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
-    """Add the stated or learned beam of the measurement's rig to the arrays of `problem`."""
+def rod_problem_of(
+    measurement: Measurement, problem: Problem, *, at_axis: bool = False
+) -> RodProblem:
+    """Add the stated or learned beam of the measurement's rig to the arrays of `problem`.
+
+    The force acts on the beam's surface, or `at_axis`, where it has no lever about its place.
+    """
     points, view = problem.arrays.points, problem.arrays.viewpoint
-    bow = measurement.rest_bow
+    bow, rig = measurement.rest_bow, measurement.rig
     shared = problem.shared_errors[:, 0 if bow is None else bow.errors :]
-    radius = measurement.rig.beam.radius / measurement.rig.beam.length
-    mean, covariance = _prior(measurement, shared.shape[1], reflection(points, radius))
+    radius = rig.beam.radius / rig.beam.length
+    beam = IntegratedBeam(
+        len(rig.shape.widths), 0 if bow is None else BOW, 0.0 if at_axis else radius
+    )
+    parameters = with_errors(beam, shared.shape[1])
+    mean, covariance = _prior(measurement, parameters, reflection(points, radius))
     uncertain = np.flatnonzero(np.diag(covariance) > 0)
     information = np.zeros_like(covariance)
     block = np.ix_(uncertain, uncertain)
@@ -133,8 +142,7 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
     return RodProblem(
         points=points,
         view=view,
-        widths=len(measurement.rig.shape.widths),
-        radius=radius,
+        beam=beam,
         shared=shared,
         mean=mean,
         information=information,
@@ -162,32 +170,29 @@ def _information(covariance: Floats) -> Floats:
     return np.asarray(inverse / np.outer(sigmas, sigmas))
 
 
-def _prior(measurement: Measurement, shared: int, light: float) -> tuple[Floats, Floats]:
+def _prior(measurement: Measurement, at: Parameters, light: float) -> tuple[Floats, Floats]:
     """Compute mean (p,) and covariance (p, p) of all parameters but load and place.
 
     `light` is the sigma of light that is reflected onto the beam, in sigmas of a point: that
     of the hub near the clamp looks like a bow.
     """
     shape, rest = measurement.rig.shape, measurement.rest_bow
-    first = WIDTHS + len(shape.widths)
-    size = first + (0 if rest is None else BOW)
-    mean = np.zeros(size + POSE + shared)
-    covariance = np.zeros((len(mean), len(mean)))
+    mean, covariance = np.zeros(len(at)), np.zeros((len(at), len(at)))
     covariance[FRICTION_RATIO, FRICTION_RATIO] = shape.ratio_sigma**2
-    mean[size + PSI] = measurement.handedness * (measurement.rig.known_psi or 0.0)
-    own = np.arange(size + POSE, len(mean))
-    covariance[own, own] = 1.0
+    mean[at["psi"]] = measurement.handedness * (measurement.rig.known_psi or 0.0)
+    errors = at.indices("errors")
+    covariance[errors, errors] = 1.0
     values, shape_covariance = in_beam_frame(shape, measurement.handedness)
-    learned = [size + entry for entry in (SOFTNESS, DX, PSI)]
-    learned += range(WIDTHS, size)[: len(shape.widths) + (0 if rest is None else len(shape.bow))]
+    learned = at.indices("softness", "dx", "psi", "widths")
+    learned += [] if rest is None else at.indices("bow")[: len(shape.bow)]
     count = len(learned)
     mean[learned] += values[:count]
     covariance[np.ix_(learned, learned)] = shape_covariance[:count, :count]
     unit = np.array([1, 1, measurement.rig.beam.length]) / measurement.rig.beam.length
-    pose = slice(size + DX, size + TILT + 1)
+    pose = slice(at["dx"], at["tilt"] + 1)
     covariance[pose, pose] += measurement.base_covariance * np.outer(unit, unit)
     if rest is not None:
-        line, bow = [size + DY, size + TILT], list(range(first, size))
+        line, bow = at.indices("dy", "tilt"), at.indices("bow")
         covariance[np.ix_(line, line)] -= rest.line_covariance * np.outer(unit[1:], unit[1:])
         if light > LEAST_REFLECTION:
             rest = replace(rest, covariance=rest.covariance * (1 + light**2))

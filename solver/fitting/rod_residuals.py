@@ -1,66 +1,31 @@
-"""Compute residuals of one frame of a beam of changing section, with the exact Jacobian.
+"""Compute residuals of one frame of any beam, with the exact Jacobian.
 
-All lengths are in units of the beam's length L. The parameters are those of the shape, as in
-`beam_models.rod`, followed by
-
-    psi            inclination of the deformation plane D against the calibration plane C
-    dx, dy, tilt   the clamp's position on C, and the rotation of its tangent without load
-    softness       rotation of a clamp that gives, over its moment in units of EI / L
-
-Points, view and the rays through them are those of `residuals`.
+All lengths are in units of the beam's length L. The parameters are those of the shape and of the
+clamp, as in `beams.beam`. Points, view and the rays through them are those of `residuals`.
 """
-
-from typing import Final
 
 import numpy as np
 
-from solver.beam_models.curve import Curve, U, interpolated
-from solver.beam_models.rod import FRICTION_RATIO, STEPS, Q, curve_of
+from solver.beams.beam import DX, DY, POSE, PSI, SOFTNESS, TILT, Beam
+from solver.beams.curve import Curve, U, interpolated
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y, weight_of
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-# Parameters after those of the shape, in this order.
-PSI, DX, DY, TILT, SOFTNESS = range(5)
-POSE: Final = 5
 
-
-@njit
-def clamp_moment(curve: Curve, p: Floats) -> tuple[float, Floats]:
-    """Compute the moment at the clamp [EI / L] and its gradient (k,) by the shape's parameters."""
-    gradient = np.empty(len(curve.by_base))
-    root = np.sqrt(1 + p[FRICTION_RATIO] * p[FRICTION_RATIO])
-    load, lever = p[Q] * root, curve.base[0]
-    for i in range(len(gradient)):
-        gradient[i] = load * curve.by_base[i, 0]
-    gradient[Q] += root * lever
-    gradient[FRICTION_RATIO] += p[Q] * p[FRICTION_RATIO] / root * lever
-    return load * lever, gradient
-
-
-@njit
-def rod_residuals(
-    p: Floats,
-    points: Floats,
-    view: Floats,
-    widths: int,
-    radius: float,
-    residual: Floats,
-    jacobian: Floats,
+def beam_residuals(
+    beam: Beam, p: Floats, points: Floats, view: Floats, residual: Floats, jacobian: Floats
 ) -> bool:
     """Write `residual` (n,) and `jacobian` (p, n) in sigmas; return whether the shape exists.
 
-    `widths` is the number of the shape's parameters of the width.
-
     The Jacobian is evaluated where each point's ray would be without its error, as in `residuals`.
     """
-    k = len(p) - POSE
-    curve = curve_of(p[:k], widths, radius, STEPS)
-    if not curve.exists:
+    bent = beam.bent(p[: len(beam.parameters)])
+    if bent is None:
         return False
-    moment, by_moment = clamp_moment(curve, p[:k])
-    return curve_residuals(p, curve, moment, by_moment, points, view, residual, jacobian)
+    curve, moment, by_moment = bent.curve, bent.moment, bent.by_moment
+    return bool(curve_residuals(p, curve, moment, by_moment, points, view, residual, jacobian))
 
 
 @njit
@@ -74,7 +39,7 @@ def curve_residuals(
     residual: Floats,
     jacobian: Floats,
 ) -> bool:
-    """Write the residuals of a `curve` as in `rod_residuals`, of a beam with any contacts.
+    """Write the residuals of a `curve` as `beam_residuals`.
 
     `moment` [EI / L] is that at the clamp, with its gradient (k,) by the k parameters of the shape.
     """

@@ -13,7 +13,6 @@ from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
 from solver.fitting.rod_estimate import refitted
 from solver.fitting.rod_fit import fit_rod, least_squares
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
-from solver.fitting.rod_residuals import PSI
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_tip import spatial
 from solver.instrument.arrays import Floats
@@ -66,7 +65,7 @@ def _best(fits: list[FrameFit]) -> FrameFit:
 def rod_in_plane(psi: float, measurement: Measurement, problem: Problem) -> RodProblem:
     """Return the problem of a frame in the plane of inclination `psi` [rad]."""
     rod = rod_problem_of(measurement, problem)
-    mean, index = rod.mean.copy(), rod.shape_size + PSI
+    mean, index = rod.mean.copy(), rod.parameters["psi"]
     mean[index] = psi
     return replace(rod, mean=mean, free=rod.free[rod.free != index])
 
@@ -77,7 +76,7 @@ def _lowest(space: RodProblem, starts: list[Floats]) -> list[Floats]:
     Where an image hardly shows psi, the objective is a long flat valley, along which a fit creeps:
     one fit in each valley is enough. Starts are in the order of psi.
     """
-    held = replace(space, free=space.free[space.free != space.shape_size + PSI])
+    held = replace(space, free=space.free[space.free != space.parameters["psi"]])
     fits = [fit for start in starts if (fit := least_squares(held, start))]
     objectives = [np.inf, *(fit.objective for fit in fits), np.inf]
     return [

@@ -3,13 +3,12 @@
 from dataclasses import replace
 from typing import Final
 
-from solver.beam_models.exact import contact_at
-from solver.beam_models.rod import S_C, WIDTHS, Q
+from solver.beams.beam import S_C, Q
+from solver.beams.exact import contact_at
 from solver.fitting import residuals
 from solver.fitting.fit import start_of
 from solver.fitting.problem import Problem
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import DX, PSI, TILT
 from solver.instrument.arrays import Floats
 
 # Largest contact arc length of a start, over the beam's length. Chosen: a uniform beam may be
@@ -22,23 +21,23 @@ def uniform_start(problem: Problem, rod: RodProblem, psi: float | None = None) -
 
     Its inclination is `psi` [rad], or that of the prior. Return None if there is none.
     """
-    size = rod.shape_size
-    inclination = float(rod.mean[size + PSI]) if psi is None else psi
+    at = rod.parameters
+    inclination = float(rod.mean[at["psi"]]) if psi is None else psi
     uniform = start_of(_straightened(problem, rod), inclination)
     if uniform is None:
         return None
     start = rod.mean.copy()
-    start[size + PSI] = inclination
+    start[at["psi"]] = inclination
     start[Q] = uniform[residuals.Q]
     _, _, _, arc = contact_at(uniform[residuals.Q], uniform[residuals.LEVER])
     start[S_C] = min(arc[0], _MAX_START)
-    start[size + DX : size + TILT + 1] = uniform[residuals.DX : residuals.TILT + 1]
+    start[at["dx"] : at["tilt"] + 1] = uniform[residuals.DX : residuals.TILT + 1]
     return start
 
 
 def _straightened(problem: Problem, rod: RodProblem) -> Problem:
     """Remove the prior's bow from the points: a contact is no start for a beam bowed as far."""
     points = problem.arrays.points.copy()
-    for power, coefficient in enumerate(rod.mean[WIDTHS + rod.widths : rod.shape_size], 2):
+    for power, coefficient in enumerate(rod.mean[rod.parameters.span("bow")], 2):
         points[residuals.Y] -= coefficient * points[residuals.X] ** power
     return replace(problem, arrays=problem.arrays._replace(points=points))

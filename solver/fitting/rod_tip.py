@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from solver.beam_models.rod import S_C, STEPS, contact_of, curve_of
+from solver.beams.beam import S_C, BentBeam
 from solver.fitting.constraints import TIP_COLUMNS
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import (
@@ -16,7 +16,6 @@ from solver.fitting.residuals import (
     STRETCH_SIGMA,
 )
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
 from solver.instrument.arrays import Floats
 from solver.instrument.small_matrices import whitening
 
@@ -39,33 +38,31 @@ class SpatialRodProblem(RodProblem):
         of_points, by_points = np.empty(n), np.empty((len(p), n))
         exists = super().residuals(p, of_points, by_points)
         residual[:n], jacobian[:, :n] = of_points, by_points
-        if exists:
+        bent = self.bent(p) if exists else None
+        if bent is not None:
             for i, tip in enumerate(self.tips):
                 rows = slice(n + 2 * i, n + 2 * i + 2)
-                residual[rows], jacobian[:, rows] = self._tip(p, tip)
+                residual[rows], jacobian[:, rows] = self._tip(p, bent, tip)
             for unit, reading in self.moments:
-                row, by_row = self._moment(p)
+                row, by_row = self._moment(p, bent)
                 residual[-1], jacobian[:, -1] = unit * row - reading, unit * by_row
         return exists
 
-    def _moment(self, p: Floats) -> tuple[float, Floats]:
+    def _moment(self, p: Floats, bent: BentBeam) -> tuple[float, Floats]:
         """Compute the moment about y [EI / L], -M sin(psi) of eq. (27), and its gradient (p,)."""
-        size = self.shape_size
-        curve = curve_of(p[:size], self.widths, self.radius, STEPS)
-        moment, by_moment = clamp_moment(curve, p[:size])
-        sine, gradient = math.sin(p[size + PSI]), np.zeros(len(p))
-        gradient[:size] = -sine * by_moment
-        gradient[size + PSI] = -moment * math.cos(p[size + PSI])
-        return -sine * moment, gradient
+        psi = self.parameters["psi"]
+        sine, gradient = math.sin(p[psi]), np.zeros(len(p))
+        gradient[: len(bent.by_moment)] = -sine * bent.by_moment
+        gradient[psi] = -bent.moment * math.cos(p[psi])
+        return -sine * bent.moment, gradient
 
-    def _tip(self, p: Floats, tip: Floats) -> tuple[Floats, Floats]:
+    def _tip(self, p: Floats, bent: BentBeam, tip: Floats) -> tuple[Floats, Floats]:
         """Compute the predicted less the measured image of the tip (2,), whitened; Jacobian."""
-        size = self.shape_size
-        curve = curve_of(p[:size], self.widths, self.radius, STEPS)
-        (_, theta, x_c, y_c, s_c, _), by = contact_of(curve, p[:size])
-        moment, by_moment = clamp_moment(curve, p[:size])
+        at, size = self.parameters, len(bent.by_moment)
+        dx, dy, psi = at["dx"], at["dy"], at["psi"]
+        (_, theta, x_c, y_c, s_c, _), by = bent.contacts[-1], bent.by_contacts[-1]
         # The tip is where it is at rest, wherever the beam begins to bend.
-        straight = 1 - float(self.mean[size + DX]) - s_c
+        straight = 1 - float(self.mean[dx]) - s_c
         sine, cosine = math.sin(theta), math.cos(theta)
         # In the plane of deflection; the end of the beam is straight but for its bow.
         x, y = x_c + straight * cosine, y_c + straight * sine
@@ -74,24 +71,25 @@ class SpatialRodProblem(RodProblem):
         by_y[:size] = by[3] + straight * cosine * by[1]
         by_x[S_C] -= cosine
         by_y[S_C] -= sine
-        turn = p[size + TILT] + p[size + SOFTNESS] * moment
-        by_turn[:size] = p[size + SOFTNESS] * by_moment
-        by_turn[size + TILT], by_turn[size + SOFTNESS] = 1.0, moment
+        tilt, softness = at["tilt"], at["softness"]
+        turn = p[tilt] + p[softness] * bent.moment
+        by_turn[:size] = p[softness] * bent.by_moment
+        by_turn[tilt], by_turn[softness] = 1.0, bent.moment
         # Inclined by psi, turned with the clamp, and projected along the ray to plane C.
-        cos_psi, sin_psi = math.cos(p[size + PSI]), math.sin(p[size + PSI])
+        cos_psi, sin_psi = math.cos(p[psi]), math.sin(p[psi])
         side, height = y * cos_psi, y * sin_psi
         by_side, by_height = by_y * cos_psi, by_y * sin_psi
-        by_side[size + PSI], by_height[size + PSI] = -height, side
+        by_side[psi], by_height[psi] = -height, side
         c, s = math.cos(turn), math.sin(turn)
-        point = np.array([c * x - s * side + p[size + DX], s * x + c * side + p[size + DY]])
+        point = np.array([c * x - s * side + p[dx], s * x + c * side + p[dy]])
         by_point = np.array(
             [
                 c * by_x - s * by_side - (s * x + c * side) * by_turn,
                 s * by_x + c * by_side + (c * x - s * side) * by_turn,
             ]
         )
-        by_point[0, size + DX] += 1.0
-        by_point[1, size + DY] += 1.0
+        by_point[0, dx] += 1.0
+        by_point[1, dy] += 1.0
         view = self.view
         below = 1 - view[2] * height
         fraction, by_fraction = height / below, by_height / below**2
@@ -114,7 +112,7 @@ def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
         inverse = np.linalg.inv(tip[2:6].reshape(2, 2))
         stretch = known[STRETCH_SIGMA] * direction
         tip[2:6] = whitening(inverse @ inverse.T + np.outer(stretch, stretch)).ravel()
-    psi = rod.shape_size + PSI
+    psi = rod.parameters["psi"]
     information = rod.information.copy()
     if information[psi, psi] > 0:  # the marginal information of the others
         information -= np.outer(information[psi], information[psi]) / information[psi, psi]
@@ -128,8 +126,7 @@ def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
     return SpatialRodProblem(
         points=rod.points,
         view=rod.view,
-        widths=rod.widths,
-        radius=rod.radius,
+        beam=rod.beam,
         shared=shared,
         mean=rod.mean,
         information=information,

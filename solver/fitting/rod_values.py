@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO, STEPS, contact_of, curve_of
+from solver.beams.beam import FRICTION_RATIO, BentBeam
+from solver.core.parameters import Parameters
 from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
 from solver.fitting.unknown_friction import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
@@ -54,26 +54,17 @@ def rod_contact(rig: Rig, rod: RodProblem, p: Floats, motor_angle: float) -> tup
     The Jacobian is by the parameters p (p,), the motor angle, and the relative errors of EI and of
     all lengths.
     """
-    shape = p[: rod.shape_size]
-    curve = curve_of(shape, rod.widths, rod.radius, STEPS)
-    return mounted_contact(
-        rig, p, motor_angle, contact_of(curve, shape), clamp_moment(curve, shape)
-    )
+    bent = rod.bent(p)
+    assert bent is not None, "the fit has a shape"
+    return mounted_contact(rig, rod.parameters, p, motor_angle, bent, 0)
 
 
 def mounted_contact(
-    rig: Rig,
-    p: Floats,
-    motor_angle: float,
-    quantities: tuple[Floats, Floats],
-    moment: tuple[float, Floats],
+    rig: Rig, at: Parameters, p: Floats, motor_angle: float, bent: BentBeam, i: int
 ) -> tuple[Floats, Floats]:
-    """Compute the contact (11,) and its Jacobian (11, p + 3) as `rod_contact`, of any shape.
-
-    `quantities` are those of `rod.contact_of` (6,) and their gradients (6, k) by the shape's
-    parameters, `moment` is that at the clamp [EI / L] with its gradient (k,).
-    """
-    (values, by_shape), (turning, by_moment) = quantities, moment
+    """Compute the contact `i` of a shape and its Jacobian as `rod_contact`; `at` names p (p,)."""
+    values, by_shape = bent.contacts[i], bent.by_contacts[i]
+    turning, by_moment = bent.moment, bent.by_moment
     size, count, length = len(by_moment), len(p), rig.beam.length
     angle, rigidity, scale = count, count + 1, count + 2
     contact, jacobian = np.zeros(frames.CONTACT), np.zeros((frames.CONTACT, count + 3))
@@ -87,16 +78,17 @@ def mounted_contact(
     jacobian[frames.FORCE, scale] = -2 * contact[frames.FORCE]
     jacobian[frames.FORCE, rigidity] = contact[frames.FORCE]
     for row, column, unit in (
-        (frames.PSI, PSI, 1.0),
-        (frames.DX, DX, length),
-        (frames.DY, DY, length),
-        (frames.TILT, TILT, 1.0),
+        (frames.PSI, at["psi"], 1.0),
+        (frames.DX, at["dx"], length),
+        (frames.DY, at["dy"], length),
+        (frames.TILT, at["tilt"], 1.0),
     ):
-        contact[row], jacobian[row, size + column] = p[size + column] * unit, unit
+        contact[row], jacobian[row, column] = p[column] * unit, unit
     # A clamp that gives turns the beam in its mount, in which the contact is stated.
-    turn, by_turn = p[size + SOFTNESS] * turning, np.zeros(count + 3)
-    by_turn[:size] = p[size + SOFTNESS] * by_moment
-    by_turn[size + SOFTNESS] = turning
+    softness = at["softness"]
+    turn, by_turn = p[softness] * turning, np.zeros(count + 3)
+    by_turn[:size] = p[softness] * by_moment
+    by_turn[softness] = turning
     plane = [frames.X_C, frames.Y_C]
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     contact[plane] = rotation @ contact[plane]

@@ -6,13 +6,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO, WIDTHS
+from solver.beams.beam import FRICTION_RATIO
 from solver.fitting.alternative_taper import fit_alternative_taper, with_other_friction
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.rod_fit import least_squares
 from solver.fitting.rod_problem import RodProblem, only
-from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption
 from solver.instrument.measurement import Measurement
@@ -90,15 +89,14 @@ def _assumptions(rod: RodProblem) -> dict[Assumption | None, list[int]]:
 
     Those of None, errors that all points share, belong to no statement.
     """
-    size, bow = rod.shape_size, WIDTHS + rod.widths
-    pose = [size + entry for entry in (DX, DY, TILT, SOFTNESS)]
+    at = rod.parameters
     return {
         rod.of_friction_ratio: [FRICTION_RATIO],
-        Assumption.TAPER: list(range(WIDTHS, bow)),
-        Assumption.BOW: list(range(bow, size)),
-        Assumption.PLANE: [size + PSI],
-        Assumption.CLAMP: pose,
-        None: list(range(size + POSE, len(rod.mean))),
+        Assumption.TAPER: at.indices("widths"),
+        Assumption.BOW: at.indices("bow"),
+        Assumption.PLANE: at.indices("psi"),
+        Assumption.CLAMP: at.indices("dx", "dy", "tilt", "softness"),
+        None: at.indices("errors"),
     }
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_deflection, unit_slope
+from solver.beams.linear import contact_of_pair, ratio_slope, unit_deflection, unit_slope
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement

@@ -5,23 +5,17 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.two_contacts import STEPS, contacts_of, two_contacts_of
 from solver.core.least_squares import CONVERGED
 from solver.fitting.alternative_taper import fit_alternative_taper
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.problem import Problem, problem_of
-from solver.fitting.reflected_light import TouchedPlace, lit_by_object, reflection_matters
+from solver.fitting.reflected_light import lit_by_object, places_of, reflection_matters
 from solver.fitting.residuals import TILT as START_TILT
 from solver.fitting.rod_estimate import with_bow
 from solver.fitting.rod_fit import LeastSquares, fit_rod, least_squares
-from solver.fitting.rod_problem import rod_problem_of
-from solver.fitting.rod_residuals import PSI
+from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.fitting.thresholds import THRESHOLDS
-from solver.fitting.two_contact_problem import (
-    TwoContactProblem,
-    starts_of,
-    two_contact_problem_of,
-)
+from solver.fitting.two_contact_problem import starts_of, two_contact_problem_of
 from solver.fitting.two_contact_values import two_contact_values
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.estimate import Assumption, Estimate, Outcome
@@ -51,7 +45,7 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
     if problem.points < THRESHOLDS.min_points:
         return Estimate(Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points")
     double = two_contact_problem_of(rod_problem_of(bowed, problem))
-    single = start_of(problem, float(double.mean[double.shape_size + PSI]))
+    single = start_of(problem, float(double.mean[double.parameters["psi"]]))
     fit = _best_fit(double, 0.0 if single is None else float(single[START_TILT]))
     if fit is not None and fit.status == CONVERGED and reflection_matters(double):
         double = _lit_at_both(double, fit)
@@ -85,7 +79,7 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
     )
 
 
-def _best_fit(problem: TwoContactProblem, tilt: float) -> FrameFit | None:
+def _best_fit(problem: RodProblem, tilt: float) -> FrameFit | None:
     """Fit from the start that leads to the smallest sum of squares; None if none converges."""
     best: LeastSquares | None = None
     count = problem.points.shape[1]
@@ -98,12 +92,11 @@ def _best_fit(problem: TwoContactProblem, tilt: float) -> FrameFit | None:
     return None if best is None else fit_rod(problem, best.p)
 
 
-def _lit_at_both(problem: TwoContactProblem, fit: FrameFit) -> TwoContactProblem:
+def _lit_at_both(problem: RodProblem, fit: FrameFit) -> RodProblem:
     """Add the light that the objects reflect at both contacts of a fit."""
-    shape = fit.p[: problem.shape_size]
-    both = two_contacts_of(shape, problem.widths, problem.radius, STEPS)
-    for _, theta, x, y, *_ in contacts_of(both, shape)[0]:
-        touch = TouchedPlace(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
+    bent = problem.bent(fit.p)
+    assert bent is not None, "the fit has a shape"
+    for touch in places_of(bent):
         problem = lit_by_object(problem, touch)
     return problem
 
@@ -132,10 +125,11 @@ def _taper_instead(measurement: Measurement, problem: Problem, fit: FrameFit) ->
     return f"one contact on a beam with a tip of {tip:.2f} times its width, or two contacts"
 
 
-def _undetermined(problem: TwoContactProblem, fit: FrameFit, name: str) -> str:
+def _undetermined(problem: RodProblem, fit: FrameFit, name: str) -> str:
     """Return why the fit does not determine the "inner" or "outer" contact, or ""."""
-    i = ("outer", "inner").index(name)
-    q, s = problem.forces[i], problem.places[i]
+    q, s = problem.parameters.indices(
+        *(("q", "s_c") if name == "outer" else ("q_inner", "s_c_inner"))
+    )
     force_sigma, place_sigma = np.sqrt(np.diag(fit.covariance)[[q, s]])
     if abs(fit.p[q]) < THRESHOLDS.contact_sigmas * force_sigma:
         return f"the {name} force is {abs(fit.p[q]) / force_sigma:.1f} sigmas"
@@ -144,18 +138,19 @@ def _undetermined(problem: TwoContactProblem, fit: FrameFit, name: str) -> str:
     return ""
 
 
-def _no_inner(problem: TwoContactProblem, fit: FrameFit) -> str:
+def _no_inner(problem: RodProblem, fit: FrameFit) -> str:
     """Return why the fit does not show an inner contact, or ""."""
-    outer, inner = np.abs(fit.p[list(problem.forces)])
+    outer, inner = np.abs(fit.p[problem.parameters.indices("q", "q_inner")])
     if inner < _LEAST_INNER * outer:
         return f"the inner force is only {inner / outer:.2g} of the outer one"
     return _undetermined(problem, fit, "inner")
 
 
-def _impossible(measurement: Measurement, problem: TwoContactProblem, fit: FrameFit) -> str:
+def _impossible(measurement: Measurement, problem: RodProblem, fit: FrameFit) -> str:
     """Return why two places are not those of two contacts on the beam, or ""."""
-    outer, inner = fit.p[list(problem.places)]
-    covariance = fit.covariance[np.ix_(problem.places, problem.places)]
+    places = problem.parameters.indices("s_c", "s_c_inner")
+    outer, inner = fit.p[places]
+    covariance = fit.covariance[np.ix_(places, places)]
     difference = np.array([1.0, -1.0])
     apart = math.sqrt(max(float(difference @ covariance @ difference), 0.0))
     if outer - inner < THRESHOLDS.contact_sigmas * apart:

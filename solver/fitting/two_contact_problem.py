@@ -1,6 +1,5 @@
-"""Fit of a beam with two contacts to one frame: problem, residuals and starts."""
+"""Fit of a beam with two contacts to one frame: its problem, and starts."""
 
-import math
 from collections.abc import Iterator
 from itertools import combinations
 from typing import Final
@@ -8,14 +7,13 @@ from typing import Final
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
-from solver.beam_models.rod_stretch import width_at
-from solver.beam_models.two_contacts import INNER_PARAMETERS, STEPS, two_contacts_of
+from solver.beams.beam import FRICTION_RATIO
+from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.stretch import width_at
+from solver.beams.two_contact_beam import TwoContactBeam
 from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import DY, POSE, TILT, curve_residuals
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
 
 # Places of the grid of starts, in units of the beam's length, and points that it uses. Chosen:
 # the fit moves a contact by more than a step of the grid.
@@ -28,98 +26,30 @@ _APART: Final = 3
 _FINE: Final = 100
 
 
-class TwoContactProblem(RodProblem):
-    """Points of one frame and the prior, for the shapes of `two_contacts`."""
-
-    @property
-    def forces(self) -> tuple[int, int]:
-        """Indices of the forces, the outer one first."""
-        return Q, self.shape_size - 3
-
-    @property
-    def places(self) -> tuple[int, int]:
-        """Indices of the contacts' places, the outer one first."""
-        return S_C, self.shape_size - 2
-
-    @property
-    def positive(self) -> tuple[int, ...]:
-        """Indices of the contacts' places: the forces may have either sign."""
-        return self.places
-
-    def moved(self, p: Floats, step: Floats) -> Floats:
-        """Return the parameters (p,) after a step (p,); NaN where no two contacts have its moments.
-
-        In linear theory the beam before both contacts depends on the forces' moments about the
-        clamp of order 0 and 1, beyond them on those of order 2 and 3, and linearly on all four. A
-        step is therefore straight in the moments, which follow the curved valley of the objective.
-        """
-        moved, forces, places = p + step, list(self.forces), list(self.places)
-        by_force, by_place = _moments(p[forces], p[places])
-        moments = by_force @ (p[forces] + step[forces]) + by_place @ step[places]
-        moved[[*forces, *places]] = np.nan
-        # The two places are the nodes of Gauss's quadrature with these moments.
-        determinant = moments[0] * moments[2] - moments[1] ** 2
-        if determinant != 0:
-            total = (moments[0] * moments[3] - moments[1] * moments[2]) / determinant
-            product = (moments[1] * moments[3] - moments[2] ** 2) / determinant
-            root = total**2 - 4 * product
-            if root > 0:
-                outer, inner = (total + math.sqrt(root)) / 2, (total - math.sqrt(root)) / 2
-                load = (moments[1] - inner * moments[0]) / (outer - inner)
-                moved[places], moved[forces] = (outer, inner), (load, moments[0] - load)
-        return moved
-
-    def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
-        """Write the residuals (n,) of shape and pose p, and their Jacobian."""
-        arrays = self.points, self.view
-        return bool(_residuals(p, *arrays, self.widths, self.radius, residual, jacobian))
-
-
-def _moments(forces: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """Compute the derivatives (4, 2) of the forces' moments of order 0 to 3, by force and place."""
-    order = np.arange(4)[:, None]
-    return places**order, order * forces * places ** np.maximum(order - 1, 0)
-
-
-@njit
-def _residuals(
-    p: Floats,
-    points: Floats,
-    view: Floats,
-    widths: int,
-    radius: float,
-    residual: Floats,
-    jacobian: Floats,
-) -> bool:
-    """Write the residuals and their Jacobian; return whether the shape exists."""
-    both = two_contacts_of(p[: len(p) - POSE], widths, radius, STEPS)
-    return both.curve.exists and curve_residuals(
-        p, both.curve, both.moment, both.by_moment, points, view, residual, jacobian
-    )
-
-
-def two_contact_problem_of(rod: RodProblem) -> TwoContactProblem:
+def two_contact_problem_of(rod: RodProblem) -> RodProblem:
     """Add an inner contact to the problem of one contact, with the same prior of its friction."""
-    size = rod.shape_size
-    added = [size] * INNER_PARAMETERS
-    load, place, friction_ratio = range(size, size + INNER_PARAMETERS)
+    assert isinstance(rod.beam, IntegratedBeam), "only this beam may have two contacts"
+    beam = TwoContactBeam(rod.beam)
+    size, count = len(rod.beam.parameters), len(beam.parameters) - len(rod.beam.parameters)
+    added = [size] * count
     information = np.insert(np.insert(rod.information, added, 0.0, axis=0), added, 0.0, axis=1)
+    friction_ratio = beam.parameters["friction_ratio_inner"]
     information[friction_ratio, friction_ratio] = rod.information[FRICTION_RATIO, FRICTION_RATIO]
     rubs = [friction_ratio] if FRICTION_RATIO in rod.free else []
-    others = np.where(rod.free < size, rod.free, rod.free + INNER_PARAMETERS)
-    return TwoContactProblem(
+    others = np.where(rod.free < size, rod.free, rod.free + count)
+    inner = beam.parameters.indices("q_inner", "s_c_inner")
+    return RodProblem(
         points=rod.points,
         view=rod.view,
-        widths=rod.widths,
-        radius=rod.radius,
+        beam=beam,
         shared=rod.shared,
         mean=np.insert(rod.mean, added, 0.0),
         information=information,
-        free=np.sort([*others, load, place, *rubs]),
+        free=np.sort([*others, *inner, *rubs]),
     )
 
 
-def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[Floats]:
+def starts_of(problem: RodProblem, tilt: float, count: int) -> Iterator[Floats]:
     """Yield up to `count` starts (p,), the best first, of a beam whose clamp is turned by `tilt`.
 
     Each is the best linear beam of the prior's section, with contacts at two places of a grid;
@@ -130,12 +60,13 @@ def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[F
     points = problem.points[:, :: max(problem.points.shape[1] // _POINTS, 1)]
     weight = 1 / np.maximum(np.hypot(points[SIGMA_X], points[SIGMA_Y]), LEAST_SIGMA)
     s, y = _unrolled(points, tilt)
-    size = problem.shape_size
-    widths, bow = np.split(problem.mean[WIDTHS : size - INNER_PARAMETERS], [problem.widths])
+    at, beam = problem.parameters, problem.beam
+    assert isinstance(beam, TwoContactBeam), "the problem has two contacts"
+    widths, bow = problem.mean[at.span("widths")], problem.mean[at.span("bow")]
     y = y - sum(b * s ** (2 + i) for i, b in enumerate(bow))
     bends = _bends(s, np.ascontiguousarray(widths)) * weight
     clamp = np.array([weight, s * weight])
-    rows = [size + DY, size + TILT]
+    rows = at.indices("dy", "tilt")
     inverse = np.linalg.inv(clamp @ clamp.T + problem.information[np.ix_(rows, rows)])
     # Eliminate the clamp (Schur complement).
     columns = np.concatenate([bends, [y * weight]])
@@ -157,9 +88,9 @@ def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[F
     for _ in range(count):
         best = int(np.argmax(gains))
         start = problem.mean.copy()
-        start[list(problem.places)] = _GRID[pairs[best]][::-1]
-        start[list(problem.forces)] = forces[best][::-1]
-        start[size + TILT] = tilt
+        start[beam.places] = _GRID[pairs[best]][::-1]
+        start[beam.forces] = forces[best][::-1]
+        start[at["tilt"]] = tilt
         yield start
         gains[(np.abs(pairs - pairs[best]) <= _APART).all(axis=1)] = -np.inf
 

@@ -5,17 +5,11 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO
-from solver.beam_models.two_contacts import (
-    FRICTION_RATIO_INNER,
-    STEPS,
-    contacts_of,
-    two_contacts_of,
-)
+from solver.beams.beam import FRICTION_RATIO
 from solver.fitting import frames
 from solver.fitting.fit import FrameFit
+from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_values import input_variances, mounted_contact
-from solver.fitting.two_contact_problem import TwoContactProblem
 from solver.fitting.unknown_friction import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
@@ -33,30 +27,24 @@ _SECOND: Final = {
 
 
 def two_contact_values(
-    measurement: Measurement, problem: TwoContactProblem, fit: FrameFit
+    measurement: Measurement, problem: RodProblem, fit: FrameFit
 ) -> tuple[dict[str, float], Floats]:
     """Compute the values of a fit by name, and their joint covariance.
 
     The inner contact has the names of a single one, the outer one those of `second_...`.
     """
-    size, count = problem.shape_size, len(fit.p)
-    shape = fit.p[:size]
-    both = two_contacts_of(shape, problem.widths, problem.radius, STEPS)
-    quantities, by_shape = contacts_of(both, shape)
+    count, at, bent = len(fit.p), problem.parameters, problem.bent(fit.p)
+    assert bent is not None, "the fit has a shape"
     values: dict[str, float] = {}
     by_variables, by_poses, curved = [], [], []
     for i, (names, friction_ratio) in enumerate(
         (
-            ({name: name for name in frames.NAMES}, size + FRICTION_RATIO_INNER),
+            ({name: name for name in frames.NAMES}, at["friction_ratio_inner"]),
             (_SECOND, FRICTION_RATIO),
         )
     ):
         contact, by_variable = mounted_contact(
-            measurement.rig,
-            fit.p,
-            measurement.motor_angle or 0.0,
-            (quantities[i], by_shape[i]),
-            (both.moment, both.by_moment),
+            measurement.rig, at, fit.p, measurement.motor_angle or 0.0, bent, i
         )
         estimated, by_contact, by_pose = frames.with_jacobians(
             measurement, contact, clamp_fitted=True

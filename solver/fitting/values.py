@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models import frictional
-from solver.beam_models.exact import contact_at
+from solver.beams import frictional
+from solver.beams.exact import contact_at
 from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.residuals import PARAMETERS

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.special import stdtrit
 
-from solver.beam_models.rod import S_C
+from solver.beams.beam import S_C
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import CLAMP_SHIFT, BeamShape

@@ -12,19 +12,18 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.curve import END, U, interpolated
-from solver.beam_models.rod import S_C, STEPS, WIDTHS, Q, contact_of, curve_of
+from solver.beams.beam import S_C, Q
+from solver.beams.curve import END, U, interpolated
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
 from solver.instrument.arrays import Floats
 
 # Contacts and deflections of the tip that are compared, over the beam's length, and at which the
 # sigma of x_c is averaged. Chosen: those of usual pushes.
 PLACES: Final = (0.3, 0.45, 0.6, 0.75, 0.9)
 DEFLECTIONS: Final = (0.05, 0.1, 0.2)
-# Rows of the force over EI and of x_c in `rod.contact_of`.
+# Rows of the force over EI and of x_c in `BentBeam.contacts`.
 _FORCE, _X_C = 0, 2
 # Ratio of the sigmas of EI without and with a known force below which it is not advised. Chosen.
 _WORTH: Final = 1.5
@@ -76,9 +75,8 @@ def next_push(problem: RodProblem, correlation: float, shifted: bool = False) ->
     length `correlation`. The clamp's place is a part of the beam if it is `shifted`. Return None if
     the beam has no uncertain parameters.
     """
-    first = problem.shape_size
-    of_clamp = (first + SOFTNESS, *([first + DX] if shifted else []))
-    parameters = (*of_clamp, first + PSI, *range(WIDTHS, first))
+    of_clamp = ("softness", "dx") if shifted else ("softness",)
+    parameters = problem.parameters.indices(*of_clamp, "psi", "widths", "bow")
     beam = [i for i in parameters if i in problem.free]
     if not beam:
         return None
@@ -138,7 +136,7 @@ def _image(
     problem: RodProblem, place: float, deflection: float, correlation: float
 ) -> _Image | None:
     """Imagine the image of a push; None if the beam cannot be bent in this way."""
-    p, size = problem.mean.copy(), problem.shape_size
+    p = problem.mean.copy()
     # The load by the linear theory of a uniform beam.
     p[Q], p[S_C] = deflection / (place**2 / 2 - place**3 / 6), place
     points = _points(problem, p)
@@ -151,26 +149,24 @@ def _image(
         view=problem.view,
         shared=np.zeros((count, problem.shared.shape[1])),
     )
-    linearised = residuals_at(imagined, p)
-    if linearised is None:
+    linearised, bent = residuals_at(imagined, p), problem.bent(p)
+    if linearised is None or bent is None:
         return None
-    jacobian = linearised[1][problem.free]
-    values, by_shape = contact_of(
-        curve_of(p[:size], problem.widths, problem.radius, STEPS), p[:size]
-    )
+    jacobian = linearised.jacobian[problem.free]
+    (values,), (by_shape,) = bent.contacts, bent.by_contacts
     gradients = np.zeros((2, len(p)))
     load = float(values[_FORCE])
-    gradients[:, :size] = by_shape[_X_C], by_shape[_FORCE] / load
+    gradients[:, : by_shape.shape[1]] = by_shape[_X_C], by_shape[_FORCE] / load
     gradient, by_load = gradients[:, problem.free]
     return _Image(jacobian @ jacobian.T / correlation, gradient, load, by_load)
 
 
 def _points(problem: RodProblem, p: Floats) -> Floats | None:
     """Place the points of `problem` (4, n) evenly on the shape with parameters p; None if none."""
-    size = problem.shape_size
-    curve = curve_of(p[:size], problem.widths, problem.radius, STEPS)
-    if not curve.exists:
+    bent, at = problem.bent(p), problem.parameters
+    if bent is None:
         return None
+    curve = bent.curve
     lever, height, angle = curve.base
     # The unloaded end is nearly straight.
     tip = curve.nodes[U, 0] * (1 - p[S_C]) / (END - p[S_C])
@@ -179,12 +175,11 @@ def _points(problem: RodProblem, p: Floats) -> Floats | None:
     nodes = np.clip(np.searchsorted(curve.nodes[U], u) - 1, 0, curve.nodes.shape[1] - 2)
     fits = [interpolated(curve.nodes, int(i), float(at)) for i, at in zip(nodes, u, strict=True)]
     value, slope = np.array([fit[0] for fit in fits]), np.array([fit[1] for fit in fits])
-    moment, _ = clamp_moment(curve, p[:size])
-    turn = angle + p[size + TILT] + p[size + SOFTNESS] * moment
+    turn = angle + p[at["tilt"]] + p[at["softness"]] * bent.moment
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     # P decreases along the beam as u does.
     along, across = lever - u, value - height
     normal = np.array([slope, np.ones(count)]) / np.hypot(1, slope)
     sigma = np.median(np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y]))
-    points = rotation @ np.array([along, across]) + p[[size + DX, size + DY]][:, None]
+    points = rotation @ np.array([along, across]) + p[at.indices("dx", "dy")][:, None]
     return np.vstack([points, sigma * (rotation @ normal)])

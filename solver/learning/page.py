@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.constants import g
 
-from solver.beam_models.rod_stretch import width_at
+from solver.beams.stretch import width_at
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import (
     CLAMP_SHIFT,

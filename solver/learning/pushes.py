@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import WIDTHS
+from solver.beams.stretch import WIDTHS
 from solver.core.correlation import correlation_length
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours

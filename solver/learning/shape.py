@@ -7,10 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import WIDTHS
 from solver.fitting.rod_joint import JointFit, fit_jointly
 from solver.fitting.rod_problem import SHARED_VARIANCE_FRACTION, RodProblem
-from solver.fitting.rod_residuals import DX, PSI, SOFTNESS
 from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape, Friction
 from solver.instrument.beam_shape import SOFTNESS as SOFT
 from solver.learning.pushes import BentFrame, problems_of, with_shared_errors
@@ -41,7 +39,7 @@ def fit_frames(frames: Sequence[BentFrame], shape: BeamShape) -> Fitted | None:
     problems = problems_of(frames, shape)
     common = problems[0].mean[: problems[0].common].copy()
     if len(shape.widths) and not shape.widths.any():  # a prior
-        common[WIDTHS] = np.median([frame.taper for frame in frames])
+        common[problems[0].parameters["widths"]] = np.median([frame.taper for frame in frames])
     fit = fit_jointly(problems, common, np.array([frame.starts for frame in frames]))
     if fit is None:
         return None
@@ -78,8 +76,7 @@ def learn_shape(frames: Sequence[BentFrame], prior: BeamShape) -> LearnedShape |
     if result is None:
         return None
     fit, misfit, problems = result
-    size = problems[0].shape_size
-    indices = [size + SOFTNESS, size + DX, size + PSI, *range(WIDTHS, size)]
+    indices = problems[0].parameters.indices("softness", "dx", "psi", "widths", "bow")
     values, side = fit.frames[0, indices], frames[0].measurement.handedness
     values[SKEW] -= side * (frames[0].measurement.rig.known_psi or 0.0)
     rest, length = frames[0].measurement.rest_bow, frames[0].measurement.rig.beam.length

@@ -26,7 +26,6 @@ from solver.fitting.problem import Problem, problem_of, without
 from solver.fitting.residuals import PSI
 from solver.fitting.rod_estimate import with_bow
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
-from solver.fitting.rod_residuals import PSI as ROD_PSI
 from solver.fitting.rod_space import fits_in_space, rod_in_plane
 from solver.fitting.rod_values import rod_values
 from solver.fitting.stated_beam import prior_conflict
@@ -68,7 +67,7 @@ def _fit(measurement: Measurement) -> Estimate:
         if _contradicted(found.minima, tipless.minima):
             found = tipless
     problem, minima, rod, gain = found
-    row = PSI if rod is None else rod.shape_size + ROD_PSI
+    row = PSI if rod is None else rod.parameters["psi"]
     best = minima[0] if minima else None
     refusal = refusal_of(measurement, problem, best, either_side=True)
     if best is None or (refusal is not None and refusal.outcome is not Outcome.NOT_CONVERGED):
@@ -160,7 +159,7 @@ def _rod_minima(measurement: Measurement, with_tip: bool) -> _Found:
     if problem.points < THRESHOLDS.min_points:
         return _Found(problem, [], rod)
     rod, fits, gain = fits_in_space(problem, rod, STARTS)
-    return _Found(problem, _distinct(fits, rod.shape_size + ROD_PSI), rod, gain)
+    return _Found(problem, _distinct(fits, rod.parameters["psi"]), rod, gain)
 
 
 def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool:

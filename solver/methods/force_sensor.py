@@ -15,7 +15,7 @@ import math
 import numpy as np
 from scipy.special import chdtri
 
-from solver.beam_models.exact import MOST_SINE
+from solver.beams.exact import MOST_SINE
 from solver.core.least_squares import Fit, Rows, fit_rows
 from solver.fitting.starts import MAX_START
 from solver.fitting.thresholds import THRESHOLDS

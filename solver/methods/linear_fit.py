@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import brentq
 
-from solver.beam_models.linear import unit_deflection, unit_deflection_by_contact, unit_slope
+from solver.beams.linear import unit_deflection, unit_deflection_by_contact, unit_slope
 from solver.core.correlation import correlation_length
 from solver.fitting.first_contact import Bend
 from solver.fitting.linear_estimate import (

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solver.beam_models.linear import unit_deflection, unit_slope
+from solver.beams.linear import unit_deflection, unit_slope
 from solver.core.least_squares import Rows, fit_rows
 from solver.fitting.first_contact import nearest_linear_bend
 from solver.fitting.thresholds import THRESHOLDS

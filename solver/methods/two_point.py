@@ -4,7 +4,7 @@ The method uses linear theory on the calibration plane or, if the rig states the
 deformation plane, on that plane: the points are un-projected first by (7) and (8). For two points
 x1 < x2 the ratio rho = y2 / y1 determines x_c: it grows strictly from x2/x1 (contact at the clamp)
 to (x2/x1)^2 (contact at infinity), so a pair has one solution or none, and the paper's three cases
-are three intervals of one function (`beam_models.linear.contact_of_pair`).
+are three intervals of one function (`beams.linear.contact_of_pair`).
 
 Corrections to the paper. The force follows from (9) or (10) at the first point; on the straight
 part that equals (18) with the last factor of its denominator squared, which the print omits. The
@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_slope
+from solver.beams.linear import contact_of_pair, ratio_slope, unit_slope
 from solver.fitting.linear_estimate import (
     LinearContact,
     errors_of_planar_fit,

@@ -6,13 +6,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import S_C, STEPS, Q, curve_of
-from solver.fitting.rod_residuals import POSE
+from solver.beams.beam import S_C, Q
+from solver.beams.dead_load import turn_of
 from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.estimate import Outcome
-from solver.photographs.bent_beam import RADIUS, contact_place, turn_of
+from solver.photographs.bent_beam import contact_place
 from solver.photographs.fit import PhotosFit
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import nominal_rigidity
@@ -138,7 +138,6 @@ def _values(fit: PhotosFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
     angles = [own.shared + OWN_VIEW + angle for angle in (VIEW_A, VIEW_B)]
     bent = own.bent(p)
     assert bent is not None  # the fit's minimum has a shape
-    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS, STEPS)
 
     def value(number: float, gradient: Floats) -> Value:
         variance = max(float(gradient @ errors @ gradient), 0.0)
@@ -146,7 +145,7 @@ def _values(fit: PhotosFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
         part = float(by_view @ np.linalg.pinv(errors[np.ix_(angles, angles)]) @ by_view)
         return Value(number, math.sqrt(variance), min(part / variance, 1.0) if variance else 0.0)
 
-    turn = turn_of(curve, bent.q)
+    turn = turn_of(bent.shape, bent.q)
     values = {
         "clamp_tilt_rad": value(own.side * float(turn.value), own.side * turn.gradient @ bent.by_p)
     }
@@ -156,7 +155,7 @@ def _values(fit: PhotosFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
         return values
     values["s_c_m"] = value(*own.place(p))
     unit = own.length * math.exp(p[LENGTH])
-    contact = contact_place(curve, bent.q)
+    contact = contact_place(bent.shape, bent.q)
     for name, row, sign in (("x_c_m", 0, 1), ("y_c_m", 1, own.side)):
         coordinate = sign * unit * float(contact.value[row])
         gradient = sign * unit * contact.gradient[row] @ bent.by_p

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.beam_models.rod import S_C, Q
+from solver.beams.beam import S_C, Q
 from solver.core.least_squares import (
     Block,
     Minimum,

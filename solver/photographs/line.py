@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.curve import END, P, U
-from solver.beam_models.rod import S_C, STEPS, curve_of
-from solver.fitting.rod_residuals import POSE
+from solver.beams.beam import S_C
+from solver.beams.curve import END, P, U
+from solver.beams.dead_load import turn_of
 from solver.instrument.arrays import Floats
-from solver.photographs.bent_beam import RADIUS, tip_place, turn_of
+from solver.photographs.bent_beam import tip_place
 from solver.photographs.fit import PhotosFit
 from solver.photographs.view import images_of
 
@@ -29,16 +29,16 @@ def fitted_line(fit: PhotosFit, photo: int) -> Line:
     p = fit.at.p[fit.problem.columns(photo)]
     bent = own.bent(p)
     assert bent is not None  # the fit's minimum has a shape
-    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS, STEPS)
+    curve = bent.shape.curve
     lever, height, angle = curve.base
     # Ahead of the load the nodes are at equal arc lengths, to beyond the tip.
     ahead = curve.contact - np.arange(curve.nodes.shape[1])
     before_tip = bent.q[S_C] + (END - bent.q[S_C]) * ahead / curve.contact < 1
     nodes = curve.nodes[:, before_tip]
     along, across = lever - nodes[U], nodes[P] - height
-    turn = angle + float(turn_of(curve, bent.q).value)
+    turn = angle + float(turn_of(bent.shape, bent.q).value)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    tip = tip_place(curve, bent.q, own.widths).value
+    tip = tip_place(bent.shape, bent.q, own.beam.parameters.span("bow")).value
     places = np.vstack([tip, np.column_stack([along, across]) @ rotation.T])
     images = images_of(places * [1.0, own.side], p[own.view])
     assert images is not None

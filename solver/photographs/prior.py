@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, Q
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.beam_shape import BOW, FIRST_WIDTH, SOFTNESS
 from solver.photographs.photo_set import PhotoSet, Stated

@@ -6,7 +6,7 @@ share,
     log of EI over its nominal value, and of the length over its nominal value
     deviation [rad] of gravity from its stated direction
     log of the focal length [px], and k1
-    softness of the clamp, widths and bow of the beam, as in `rod_residuals`
+    softness of the clamp, widths and bow of the beam, as in `beams.beam`
 
 followed by the photograph's own: load, place and friction ratio of the contact as in `rod`, tilt of
 the beam in its clamp, and the view. The friction ratio of a weight follows from its direction.
@@ -14,16 +14,20 @@ the beam in its clamp, and the view. The friction ratio of a weight follows from
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, WIDTHS, Q, curve_of
+from solver.beams.beam import DX, DY, FRICTION_RATIO, POSE, S_C, SOFTNESS, TILT, BentBeam, Q
+from solver.beams.dead_load import friction_ratio_of
+from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.stretch import WIDTHS
 from solver.core.least_squares import Rows
-from solver.fitting.rod_residuals import DX, DY, POSE, SOFTNESS, TILT, rod_residuals
+from solver.fitting.rod_residuals import curve_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
-from solver.photographs.bent_beam import RADIUS, friction_ratio_of, tip_place
+from solver.photographs.bent_beam import tip_place
 from solver.photographs.photo_set import PhotoLoad, Stated
 from solver.photographs.view import PARAMETERS, ROLL, SCALE, U, V, images_of, places_of
 
@@ -41,10 +45,11 @@ _REST_PLACE: Final = 0.5
 
 
 class Bent(NamedTuple):
-    """Parameters (k,) of `rod_residuals`, and their gradient (k, p)."""
+    """Parameters (k,) of beam and clamp as in `beams.beam`, gradient (k, p), and their shape."""
 
     q: Floats
     by_p: Floats
+    shape: BentBeam
 
 
 @dataclass(frozen=True)
@@ -75,15 +80,20 @@ class PhotoProblem:
         """Number of shared parameters."""
         return SHAPE + self.widths + BOW
 
+    @cached_property
+    def beam(self) -> IntegratedBeam:
+        """The beam; a load acts at the axis of a beam of unknown diameter, as a dead load does."""
+        return IntegratedBeam(self.widths, BOW, 0.0)
+
     @property
     def weight(self) -> bool:
         """Whether the load's direction is fixed in the world."""
         return self.load is not None and self.load.kind == "weight"
 
     def bent(self, p: Floats) -> Bent | None:
-        """Return the bent beam; None if no beam has a force of the weight's direction."""
+        """Return the bent beam; None if no beam has these parameters."""
         shared, own = p[: self.shared], p[self.shared :]
-        first, size = self.shared, WIDTHS + self.widths + BOW
+        first, size = self.shared, len(self.beam.parameters)
         q, by_p = np.zeros(size + POSE), np.zeros((size + POSE, len(p)))
         q[:WIDTHS] = own[:WIDTHS] if self.load else (0.0, _REST_PLACE, 0.0)
         if self.load:
@@ -96,14 +106,15 @@ class PhotoProblem:
         if self.weight:
             across = self.side * (self.down + shared[DOWN]) - math.pi / 2
             direction = math.remainder(across, math.tau) + math.pi / 2
-            friction_ratio = friction_ratio_of(q, self.widths, direction)
+            friction_ratio = friction_ratio_of(self.beam, q, direction)
             if friction_ratio is None:
                 return None
             by_p[FRICTION_RATIO] = 0.0
             by_p[FRICTION_RATIO] = friction_ratio.gradient @ by_p
             by_p[FRICTION_RATIO, DOWN] += friction_ratio.by_direction * self.side
             q[FRICTION_RATIO] = friction_ratio.value
-        return Bent(q, by_p)
+        shape = self.beam.bent(q[:size])
+        return None if shape is None else Bent(q, by_p, shape)
 
     def rows(self, p: Floats) -> Rows | None:
         """Compute all residuals; None if no beam or no view has these parameters.
@@ -126,19 +137,15 @@ class PhotoProblem:
         )
         n = len(self.points)
         residual, jacobian = np.empty(n), np.empty((len(bent.q), n))
-        exists = rod_residuals(
-            bent.q,
-            np.ascontiguousarray(arrays.T),
-            _NO_VIEW,
-            self.widths,
-            RADIUS,
-            residual,
-            jacobian,
-        )
+        shape = bent.shape
+        exists = curve_residuals(
+            bent.q, shape.curve, shape.moment, shape.by_moment, np.ascontiguousarray(arrays.T),
+            _NO_VIEW, residual, jacobian,
+        )  # fmt: skip
         if not exists:
             return None
-        # As in `rod_residuals`, the Jacobian is that of points without their errors: an error that
-        # scales with the view would pull the view.
+        # As in `curve_residuals`, the Jacobian is that of points without their errors: an error
+        # that scales with the view would pull the view.
         ideal = places_of(self.points - residual[:, None] * self.sigmas, p[self.view])
         if ideal is None:
             return None
@@ -190,7 +197,7 @@ class PhotoProblem:
 
     def force(self, p: Floats, bent: Bent) -> tuple[float, Floats]:
         """Compute the load's force [N] and its gradient (p,)."""
-        q, by_p = bent
+        q, by_p, _ = bent
         root = math.hypot(1.0, q[FRICTION_RATIO])
         force = self.nominal_force * math.exp(p[RIGIDITY] - 2 * p[LENGTH]) * q[Q] * root
         gradient = force / root**2 * q[FRICTION_RATIO] * by_p[FRICTION_RATIO]
@@ -209,8 +216,7 @@ class PhotoProblem:
 
     def _marked(self, p: Floats, bent: Bent) -> Rows | None:
         """Compute the residuals of clamp, tip and marks."""
-        curve = curve_of(bent.q[: len(bent.q) - POSE], self.widths, RADIUS, STEPS)
-        tip = tip_place(curve, bent.q, self.widths)
+        tip = tip_place(bent.shape, bent.q, self.beam.parameters.span("bow"))
         mirror = np.array([1.0, self.side])
         marks = self.marks[:, 2:] * math.exp(-p[LENGTH])
         images = images_of(np.vstack([np.zeros(2), tip.value * mirror, marks]), p[self.view])

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.rod import S_C, Q
+from solver.beams.beam import S_C, Q
 from solver.instrument.arrays import Floats
 from solver.photographs.photo_set import PhotoLoad
 from solver.photographs.problem import OWN, OWN_VIEW

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, STEPS, Q, curve_of
-from solver.fitting.rod_residuals import POSE
-from solver.photographs.bent_beam import RADIUS, contact_place, friction_ratio_of, tip_place
+from solver.beams.beam import FRICTION_RATIO, POSE, S_C, Q
+from solver.beams.dead_load import friction_ratio_of
+from solver.beams.integrated_beam import IntegratedBeam
+from solver.photographs.bent_beam import contact_place, tip_place
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.loaded import Load, loaded
 from vbaa_bench.mechanics.rod import Rod
@@ -21,12 +22,14 @@ def test_a_dead_load_bends_the_world_s_rod_as_the_antenna_s(
 ) -> None:
     length, bow, place = BEAM.length, 0.3, 0.7
     direction = math.pi / 2 + math.radians(lean_deg)
+    beam = IntegratedBeam(1, 3, 0.0)
     p = np.zeros(7 + POSE)
     p[[Q, S_C]], p[3], p[4] = (q, place), taper, bow * length / 2
-    friction_ratio = friction_ratio_of(p, 1, direction)
+    friction_ratio = friction_ratio_of(beam, p, direction)
     assert friction_ratio is not None
     p[FRICTION_RATIO] = friction_ratio.value
-    curve = curve_of(p[:-POSE], 1, RADIUS, STEPS)
+    shape = beam.bent(p[:-POSE])
+    assert shape is not None
     # A beam so thin that a force on its surface acts at its axis.
     thin = type(BEAM)(length, 1e-6 * BEAM.diameter, BEAM.flexural_rigidity)
     world = loaded(
@@ -43,6 +46,7 @@ def test_a_dead_load_bends_the_world_s_rod_as_the_antenna_s(
     x, y, _ = world.forces[0]
     # The integrators differ by a millionth of the length.
     assert math.atan2(y, x) == pytest.approx(direction, abs=3e-6)
-    contact, tip = contact_place(curve, p).value, tip_place(curve, p, 1).value
+    contact = contact_place(shape, p).value
+    tip = tip_place(shape, p, beam.parameters.span("bow")).value
     assert contact * length == pytest.approx(world.points[0, :2], abs=2e-6 * length)
     assert tip * length == pytest.approx(world.centreline[-1, 1:3], abs=4e-6 * length)

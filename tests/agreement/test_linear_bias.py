@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import OptimizeResult, brentq, least_squares
 
-from solver.beam_models.linear import unit_deflection
+from solver.beams.linear import unit_deflection
 from solver.instrument.arrays import Floats
 from tests.consistency import MOST_SIGMAS
 from tests.simulated import BEAM, columns, pushed_points

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
+from solver.beams.stretch import WIDTHS
 from solver.fitting.problem import problem_of
 from solver.fitting.rigid_object import friction_sign_of
 from solver.fitting.rod_problem import rod_problem_of

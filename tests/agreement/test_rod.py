@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from solver.beam_models.curve import Curve, P, U
-from solver.beam_models.rod import S_C, STEPS, contact_of, curve_of
+from solver.beams.beam import S_C
+from solver.beams.curve import Curve, P, U
+from solver.beams.integrated import STEPS, contact_of, curve_of
 from solver.instrument.arrays import Floats
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.loaded import Load, loaded

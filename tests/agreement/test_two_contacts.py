@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import S_C, WIDTHS, Q
-from solver.beam_models.two_contacts import (
+from solver.beams.beam import S_C, Q
+from solver.beams.stretch import WIDTHS
+from solver.beams.two_contacts import (
     INNER_PARAMETERS,
     Q_INNER,
     S_INNER,

@@ -7,7 +7,7 @@ import pytest
 
 from results.ladder.measure import Errors, Ladder, measure
 from results.ladder.rungs import LIMIT, every_pair, rungs_of
-from solver.beam_models.linear import unit_deflection
+from solver.beams.linear import unit_deflection
 from solver.instrument.errors import InputError
 from solver.instrument.observation import Observations
 from solver.tracker import PushTracker

@@ -50,7 +50,7 @@ def test_the_light_is_strongest_at_the_contact_and_odd_about_it_in_part() -> Non
     i = 200
     here = dark.points[[X, Y], i]
     shared = lit_by_object(dark, TouchedPlace(here, np.array([1.0, 0.0]))).shared[:, -2:]
-    one = REFLECTED * dark.radius / dark.points[SIGMA_Y, i]
+    one = REFLECTED * dark.beam.radius / dark.points[SIGMA_Y, i]
     np.testing.assert_allclose(shared[i], [one, 0.0], rtol=1e-6)
     away = np.hypot(*(dark.points[[X, Y]] - here[:, None]))
     half = int(np.argmin(np.abs(away - 0.05)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solver.beam_models import frictional
+from solver.beams import frictional
 from solver.fitting.constraints import add_constraints
 from solver.fitting.residuals import PARAMETERS, PSI, FrameArrays, is_feasible, point_residuals
 from solver.instrument.arrays import Floats

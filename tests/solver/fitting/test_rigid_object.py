@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import halfnorm
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, Q
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
 from solver.fitting.problem import problem_of
 from solver.fitting.rigid_object import _growth, friction_sign_of, with_friction_sign
 from solver.fitting.rod_problem import RodProblem, rod_problem_of

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import FRICTION_RATIO, S_C, WIDTHS, Q
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
+from solver.beams.stretch import WIDTHS
 from solver.core.least_squares import BorderedEquations
 from solver.fitting.problem import problem_of
 from solver.fitting.rigid_object import with_friction_sign

@@ -8,7 +8,6 @@ import pytest
 from solver.fitting.problem import problem_of
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import rod_problem_of
-from solver.fitting.rod_residuals import DX, PSI, SOFTNESS
 from solver.fitting.rod_tip import spatial
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.estimate import Outcome
@@ -37,10 +36,10 @@ def test_the_gradients_of_the_residuals_are_their_derivatives(random: np.random.
     taken = replace(taken, view=replace(taken.view, tip=tip), rig=rig, moment_y=-2e-3)
     problem = problem_of(taken)
     space = spatial(rod_problem_of(taken, problem), problem)
-    size = space.shape_size
+    at = space.parameters
     p = space.mean.copy()
     p[:4] = 1.2, 0.6, 0.1, -0.2
-    p[size + PSI], p[size + DX], p[size + SOFTNESS] = 0.4, 1e-4, 0.02
+    p[at["psi"]], p[at["dx"]], p[at["softness"]] = 0.4, 1e-4, 0.02
     rows = residuals_at(space, p)
     assert rows is not None
     residual, jacobian = rows

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from solver.beam_models.linear import unit_deflection
+from solver.beams.linear import unit_deflection
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.methods.linear_fit import linear_fit

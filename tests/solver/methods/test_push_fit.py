@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.beam_models import frictional
+from solver.beams import frictional
 from solver.core.least_squares import fit_rows
 from solver.fitting.problem import problem_of
 from solver.fitting.push_beam import PushFrame

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.beams.integrated_beam import IntegratedBeam
 from solver.fitting.push_frames import bent_frames
 from solver.fitting.push_joint import Push
 from solver.fitting.push_rod import RodBeam
@@ -174,12 +175,13 @@ def test_the_line_at_first_contact_is_that_of_the_bowed_beam() -> None:
     beam, _ = cone()
     problem = beam.frames[0].problem
     mean = problem.mean.copy()
-    size = problem.shape_size
+    size = problem.parameters["bow"]
     # The same beam with a bow: three more parameters of its shape, which are fitted.
     bow = np.array([0.02, -0.03, 0.01])
     information = np.zeros((len(mean) + 3, len(mean) + 3))
     with_bow = replace(
         problem,
+        beam=IntegratedBeam(2, 3, problem.beam.radius),
         mean=np.insert(mean, size, bow),
         information=information,
         free=np.array([0, 1, 2, 3, 4, *range(size, size + 3)]),

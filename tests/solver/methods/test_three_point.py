@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.beam_models.linear import unit_deflection
+from solver.beams.linear import unit_deflection
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.methods.three_point import three_point

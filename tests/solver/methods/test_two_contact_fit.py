@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from solver.beam_models.frictional import misfit
+from solver.beams.frictional import misfit
 from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solver.beam_models.linear import ratio, ratio_slope, unit_deflection
+from solver.beams.linear import ratio, ratio_slope, unit_deflection
 from solver.instrument.estimate import Estimate, Outcome
 from solver.methods.two_point import contact_distance, two_point
 from tests.draws import generator

@@ -6,18 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import FRICTION_RATIO, STEPS, curve_of
+from solver.beams.beam import FRICTION_RATIO, POSE
+from solver.beams.dead_load import direction_of, friction_ratio_of
+from solver.beams.integrated_beam import IntegratedBeam
 from solver.core.least_squares import Rows
-from solver.fitting.rod_residuals import POSE
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
-from solver.photographs.bent_beam import (
-    RADIUS,
-    contact_place,
-    direction_of,
-    friction_ratio_of,
-    tip_place,
-)
+from solver.photographs.bent_beam import contact_place, tip_place
 from solver.photographs.fit import problems_of
 from solver.photographs.photo_set import PhotoLoad, PhotoSet, Stated
 from solver.photographs.problem import FOCAL, K1, OWN_VIEW, RIGIDITY, PhotoProblem
@@ -28,6 +23,8 @@ from tests.photo_sets import RIGIDITY as EI
 BEAM = TrueBeam(widths=(-0.1,), bow=(0.004, -0.002, 0.001), softness=0.03)
 CAMERA = TrueCamera(k1=0.03, roll=0.1, view=(0.08, -0.05), distance=0.5)
 WEIGHT, PUSH = Force("weight", 0.9, 0.3), Force("push", 0.8, 0.25, friction=0.2)
+# A weight acts at the axis: the radius does not matter.
+TAPERED = IntegratedBeam(1, 3, 0.0)
 
 
 def one(load: Force | None) -> tuple[PhotoProblem, Floats]:
@@ -113,17 +110,18 @@ def test_a_step_keeps_the_images_of_clamp_and_tip() -> None:
 def test_a_dead_load_keeps_its_direction(load: float, side: int) -> None:
     p = np.array([load, 0.7, 0.0, -0.1, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.03 * side, 0.02])
     direction = math.pi / 2 + 0.1
-    friction_ratio = friction_ratio_of(p, 1, direction)
+    friction_ratio = friction_ratio_of(TAPERED, p, direction)
     assert friction_ratio is not None
     p[FRICTION_RATIO] = friction_ratio.value
-    curve = curve_of(p[:-POSE], 1, RADIUS, STEPS)
-    assert direction_of(curve, p).value == pytest.approx(direction, abs=1e-12)
+    shape = TAPERED.bent(p[:-POSE])
+    assert shape is not None
+    assert direction_of(shape, p).value == pytest.approx(direction, abs=1e-12)
     for i in range(len(p)):
         step = np.zeros(len(p))
         step[i] = 1e-5
         ahead, behind = (
-            friction_ratio_of(p + step, 1, direction),
-            friction_ratio_of(p - step, 1, direction),
+            friction_ratio_of(TAPERED, p + step, direction),
+            friction_ratio_of(TAPERED, p - step, direction),
         )
         assert ahead
         assert behind
@@ -134,14 +132,18 @@ def test_a_dead_load_keeps_its_direction(load: float, side: int) -> None:
 def test_a_light_weight_bends_a_beam_as_linear_theory_says() -> None:
     """Deflection under the load F a^3 / (3 EI), and of the tip F a^2 (3 L - a) / (6 EI)."""
     load, at = 1e-3, 0.6
+    beam = IntegratedBeam(0, 3, 0.0)
     p = np.array([load, at, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    friction_ratio = friction_ratio_of(p, 0, math.pi / 2)
+    friction_ratio = friction_ratio_of(beam, p, math.pi / 2)
     assert friction_ratio is not None
     p[FRICTION_RATIO] = friction_ratio.value
-    curve = curve_of(p[:-POSE], 0, RADIUS, STEPS)
-    assert contact_place(curve, p).value == pytest.approx([at, load * at**3 / 3], rel=1e-5)
+    shape = beam.bent(p[:-POSE])
+    assert shape is not None
+    assert contact_place(shape, p).value == pytest.approx([at, load * at**3 / 3], rel=1e-5)
     tip = load * at**2 * (3 - at) / 6
-    assert tip_place(curve, p, 0).value == pytest.approx([1.0, tip], rel=1e-5)
+    assert tip_place(shape, p, beam.parameters.span("bow")).value == pytest.approx(
+        [1.0, tip], rel=1e-5
+    )
 
 
 def test_the_tip_of_a_bowed_beam_is_where_an_integration_ends() -> None:
@@ -151,8 +153,8 @@ def test_the_tip_of_a_bowed_beam_is_where_an_integration_ends() -> None:
     p = nearest(problem, p)
     beam = problem.bent(p)
     assert beam is not None
-    curve = curve_of(beam.q[:-POSE], 1, RADIUS, STEPS)
-    tip = tip_place(curve, beam.q, 1).value * [1.0, problem.side] * BEAM.length
+    bow = problem.beam.parameters.span("bow")
+    tip = tip_place(beam.shape, beam.q, bow).value * [1.0, problem.side] * BEAM.length
     assert tip == pytest.approx(rows[-1, :2], abs=1e-6)
     force, _ = problem.force(p, beam)
     assert force == pytest.approx(0.9, rel=1e-5)

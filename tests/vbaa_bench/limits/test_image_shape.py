@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from solver.beam_models.exact import bend_at, contact_at
+from solver.beams.exact import bend_at, contact_at
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.camera import Camera

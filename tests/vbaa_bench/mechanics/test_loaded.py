@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solver.beam_models.exact import bend_at, contact_at
+from solver.beams.exact import bend_at, contact_at
 from solver.instrument.beam import Beam, circular_rigidity
 from vbaa_bench.mechanics import planar
 from vbaa_bench.mechanics.contact import Obstacle

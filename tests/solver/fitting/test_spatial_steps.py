@@ -10,7 +10,6 @@ from solver.core.least_squares import CONVERGED
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.rod_fit import fit_rod, residuals_at
 from solver.fitting.rod_problem import rod_problem_of
-from solver.fitting.rod_residuals import PSI
 from solver.fitting.rod_space import fits_in_space
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_tip import SpatialRodProblem, spatial
@@ -37,7 +36,7 @@ def test_a_turn_of_the_plane_keeps_the_image_of_the_free_end(psi: float) -> None
     p = uniform_start(problem, space, psi)
     assert p is not None
     turn = np.zeros(len(p))
-    turn[space.shape_size + PSI] = 0.1
+    turn[space.parameters["psi"]] = 0.1
     rows = residuals_at(space, p)
     assert rows is not None
     residual, jacobian = rows

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import hyp2f1
 
-from solver.beam_models import exact
+from solver.beams import exact
 from solver.instrument.arrays import Floats
 from tests.oracle import oracle
 

@@ -1,21 +1,22 @@
 """A stretch of a bent rod, integrated backwards from a contact: width, bow, moment, steps.
 
-Width, bow, frame and parameters are those of `rod`. The moment is that of the outer force, whose
-line is the axis u = 0, and, on a stretch before two contacts, of an inner force as well. The inner
-force acts along a line through (u, P) that is turned by an angle alpha against that axis; its lever
-arm about the point (u', P') of the beam is (u' - u) cos(alpha) + (P' - P) sin(alpha).
+Width, bow, frame and parameters are those of `integrated`. The moment is that of the outer force,
+whose line is the axis u = 0, and, on a stretch before two contacts, of an inner force as well. The
+inner force acts along a line through (u, P) that is turned by an angle alpha against that axis; its
+lever arm about the point (u', P') of the beam is (u' - u) cos(alpha) + (P' - P) sin(alpha).
 """
 
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.curve import END, MOST_ANGLE, advance, shifted, write_node
+from solver.beams.beam import FRICTION_RATIO, OWN, S_C, Q
+from solver.beams.curve import END, MOST_ANGLE, advance, shifted, write_node
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-# Parameters of a shape before the widths.
-Q, S_C, FRICTION_RATIO, WIDTHS = range(4)
+# The first parameter of the width.
+WIDTHS: Final = OWN
 # Smallest width that a trial may have. Chosen.
 LEAST_WIDTH: Final = 0.05
 # Entries of an inner force: F / EI, u, P, alpha.

@@ -24,21 +24,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.beam_models.curve import END, Curve, U
-from solver.beam_models.rod_stretch import (
-    FRICTION_RATIO,
-    INNER,
-    S_C,
-    WIDTHS,
-    Q,
-    Stretch,
-    march,
-    write_contact,
-)
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
+from solver.beams.curve import END, Curve, U
+from solver.beams.stretch import INNER, WIDTHS, Stretch, march, write_contact
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
-
-__all__ = ["FREE_STEPS", "FRICTION_RATIO", "STEPS", "S_C", "WIDTHS", "Q", "contact_of", "curve_of"]
 
 # Steps from the contact to the clamp. Measured: for a tip of 0.6 of the clamp's width, bent by
 # 40 degrees, the error of the contact is 2e-7; for a uniform beam it is 4e-8. This is no literal,
@@ -99,3 +89,25 @@ def contact_of(curve: Curve, p: Floats) -> tuple[Floats, Floats]:
         gradients[2, i] = by_along * cosine + by_height * sine - y_c * by_angle
         gradients[3, i] = by_along * sine - by_height * cosine + x_c * by_angle
     return values, gradients
+
+
+@njit
+def clamp_moment(curve: Curve, p: Floats) -> tuple[float, Floats]:
+    """Compute the moment at the clamp [EI / L] and its gradient (k,) by the shape's parameters."""
+    gradient = np.empty(len(curve.by_base))
+    root = np.sqrt(1 + p[FRICTION_RATIO] * p[FRICTION_RATIO])
+    load, lever = p[Q] * root, curve.base[0]
+    for i in range(len(gradient)):
+        gradient[i] = load * curve.by_base[i, 0]
+    gradient[Q] += root * lever
+    gradient[FRICTION_RATIO] += p[Q] * p[FRICTION_RATIO] / root * lever
+    return load * lever, gradient
+
+
+@njit
+def bent_beam(p: Floats, widths: int, radius: float, steps: Any) -> Any:
+    """Compute the curve of a shape, its contact (6,) and moment with gradients (6, k), (k,)."""
+    curve = curve_of(p, widths, radius, steps)
+    contact, gradients = contact_of(curve, p)
+    moment, by_moment = clamp_moment(curve, p)
+    return curve, contact, gradients, moment, by_moment

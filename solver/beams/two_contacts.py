@@ -17,18 +17,16 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.curve import END, MOST_ANGLE, Curve
-from solver.beam_models.rod import FREE_STEPS
-from solver.beam_models.rod_stretch import (
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
+from solver.beams.curve import END, MOST_ANGLE, Curve
+from solver.beams.integrated import FREE_STEPS
+from solver.beams.stretch import (
     ALPHA,
-    FRICTION_RATIO,
     INNER,
     LINE_P,
     LINE_U,
     LOAD,
-    S_C,
     WIDTHS,
-    Q,
     Stretch,
     march,
     moment_at,

@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from scipy.special import elliprd, elliprf
 
-from solver.beam_models.exact import MOST_SINE
+from solver.beams.exact import MOST_SINE
 from solver.instrument.arrays import Floats
 
 Real = Floats | float

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from solver.beam_models import exact, frictional, linear
+from solver.beams import exact, frictional, linear
 from solver.instrument.arrays import Floats
 from tests.oracle import oracle
 

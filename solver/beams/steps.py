@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.curve import END
-from solver.beam_models.rod import S_C, Q, contact_of, curve_of
-from solver.fitting.rod_residuals import PSI, SOFTNESS, clamp_moment
+from solver.beams.beam import PSI, S_C, SOFTNESS, Q
+from solver.beams.curve import END
+from solver.beams.integrated import clamp_moment, contact_of, curve_of
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
@@ -47,8 +47,8 @@ def straight_in_free_end(
     """Return the parameters (p,) after a step (p,), by the exact beam.
 
     The first `size` parameters are those of the shape; `widths` and `radius` are those of
-    `rod.curve_of`; `ray` is y_v / z_v of the rays to the camera. Where no beam has such an end, the
-    result is that of linear theory.
+    `integrated.curve_of`; `ray` is y_v / z_v of the rays to the camera. Where no beam has such an
+    end, the result is that of linear theory.
     """
     start = straight_in_moments(p, step)
     after = start.copy()

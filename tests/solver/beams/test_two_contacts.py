@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from solver.beam_models.curve import SLOPE, P, U, interpolated
-from solver.beam_models.exact import contact_at
-from solver.beam_models.rod import S_C, Q, contact_of, curve_of
-from solver.beam_models.rod_stretch import FRICTION_RATIO, WIDTHS
-from solver.beam_models.two_contacts import (
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
+from solver.beams.curve import SLOPE, P, U, interpolated
+from solver.beams.exact import contact_at
+from solver.beams.integrated import contact_of, curve_of
+from solver.beams.stretch import WIDTHS
+from solver.beams.two_contacts import (
     FRICTION_RATIO_INNER,
     INNER_PARAMETERS,
     Q_INNER,

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from solver.beam_models import frictional
-from solver.beam_models.curve import P, U, interpolated
-from solver.beam_models.rod import FRICTION_RATIO, STEPS, WIDTHS, Q, contact_of, curve_of
-from solver.beam_models.rod_stretch import width_at
+from solver.beams import frictional
+from solver.beams.beam import FRICTION_RATIO, Q
+from solver.beams.curve import P, U, interpolated
+from solver.beams.integrated import STEPS, contact_of, curve_of
+from solver.beams.stretch import WIDTHS, width_at
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
