@@ -15,11 +15,15 @@ from solver.instrument import MAX_PIXELS
 
 if TYPE_CHECKING:
     from solver.api import CalibratedRig, open_rig
+    from solver.beams.beam import Prior
+    from solver.beams.own_beam import OwnBeam
     from solver.instrument.errors import InputError
     from solver.instrument.estimate import Assumption, Estimate, Outcome
     from solver.instrument.measurement import Measurement
     from solver.instrument.observation import open_observations
     from solver.methods import METHODS
+    from solver.methods.exact_fit import exact_fit
+    from solver.methods.push_fit import push_fit, push_fit_friction
     from solver.tracker import PushTracker
 
 __all__ = [
@@ -30,9 +34,14 @@ __all__ = [
     "InputError",
     "Measurement",
     "Outcome",
+    "OwnBeam",
+    "Prior",
     "PushTracker",
+    "exact_fit",
     "open_observations",
     "open_rig",
+    "push_fit",
+    "push_fit_friction",
 ]
 
 # OpenCV compares an image's size with this before it allocates memory for its pixels, in all
@@ -48,9 +57,14 @@ _MODULE_OF = {
     "InputError": "instrument.errors",
     "Measurement": "instrument.measurement",
     "Outcome": "instrument.estimate",
+    "OwnBeam": "beams.own_beam",
+    "Prior": "beams.beam",
     "PushTracker": "tracker",
     "open_observations": "instrument.observation",
     "open_rig": "api",
+    "exact_fit": "methods.exact_fit",
+    "push_fit": "methods.push_fit",
+    "push_fit_friction": "methods.push_fit",
 }
 
 

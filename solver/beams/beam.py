@@ -13,6 +13,7 @@ and then the beam's own, as those of its width and of its bow at rest. A fit add
     softness       rotation of a clamp that gives, over its moment in units of EI / L
 """
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple, Protocol
 
 from solver.beams.curve import Curve
@@ -24,6 +25,13 @@ Q, S_C, FRICTION_RATIO, OWN = range(4)
 PSI, DX, DY, TILT, SOFTNESS, POSE = range(6)
 CONTACT: Final = (("q", 1), ("s_c", 1), ("friction_ratio", 1))
 CLAMP: Final = (("psi", 1), ("dx", 1), ("dy", 1), ("tilt", 1), ("softness", 1))
+
+
+class Prior(NamedTuple):
+    """Mean of a parameter of a beam's own, before any image, and its sigma, 0 if it is certain."""
+
+    mean: float
+    sigma: float
 
 
 class BentBeam(NamedTuple):
@@ -63,6 +71,11 @@ class Beam(Protocol):
     @property
     def radius(self) -> float:
         """Radius at the clamp."""
+        ...
+
+    @property
+    def prior(self) -> Mapping[str, Prior]:
+        """Parameters besides those of contact, width and bow, each of one number, by name."""
         ...
 
     @property

@@ -53,9 +53,10 @@ def turn_of(bent: BentBeam, p: Floats) -> Quantity:
 def direction_of(bent: BentBeam, p: Floats) -> Quantity:
     """Compute the angle [rad] of the force, towards y."""
     turn = turn_of(bent, p)
+    (_, theta, *_, lean), (_, by_theta, *_, by_lean) = bent.contacts[-1], bent.by_contacts[-1]
     gradient = turn.gradient.copy()
-    gradient[: len(bent.by_moment)] += bent.curve.by_base[:, 2]
-    return Quantity(bent.curve.base[2] + np.pi / 2 + turn.value, gradient)
+    gradient[: len(bent.by_moment)] += by_theta + by_lean
+    return Quantity(theta + lean + np.pi / 2 + turn.value, gradient)
 
 
 def friction_ratio_of(beam: Beam, p: Floats, direction: float) -> FrictionRatio | None:

@@ -1,11 +1,12 @@
 """The beam of a changing section as the fits use it: shapes, contact and steps of one contact."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from solver.beams.beam import CONTACT, OWN, S_C, BentBeam, Q, Radius
+from solver.beams.beam import CONTACT, OWN, S_C, BentBeam, Prior, Q, Radius
 from solver.beams.integrated import STEPS, bent_beam
 from solver.beams.steps import straight_in_free_end
 from solver.beams.stretch import width_at
@@ -28,6 +29,11 @@ class IntegratedBeam:
     def parameters(self) -> Parameters:
         """Those of the contact, of the width and of the bow."""
         return Parameters((*CONTACT, ("widths", self.widths), ("bow", self.bow)))
+
+    @property
+    def prior(self) -> Mapping[str, Prior]:
+        """No others."""
+        return {}
 
     @property
     def positive(self) -> tuple[int, ...]:

@@ -1,12 +1,13 @@
 """The beam of a changing section as the fits use it, with two contacts."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from solver.beams.beam import S_C, BentBeam, Q, Radius
+from solver.beams.beam import S_C, BentBeam, Prior, Q, Radius
 from solver.beams.integrated_beam import IntegratedBeam
 from solver.beams.two_contacts import STEPS, contacts_of, two_contacts_of
 from solver.core.parameters import Parameters
@@ -30,6 +31,11 @@ class TwoContactBeam:
     def radius(self) -> float:
         """Radius at the clamp."""
         return self.one.radius
+
+    @property
+    def prior(self) -> Mapping[str, Prior]:
+        """No others."""
+        return {}
 
     @property
     def forces(self) -> list[int]:

@@ -247,21 +247,26 @@ def minimise(
     step_sigmas: float = STEP_SIGMAS,
     max_iterations: int = _MAX_ITERATIONS,
 ) -> Minimum | None:
-    """Minimise from `start` (p,); return None if it is outside the model's domain.
+    """Minimise from `start` (p,); return None if it is outside the model's domain, or of numbers.
 
     `system(p)` computes normal equations, or None outside the domain; `moved(p, step)` the
     parameters after a step, which may follow a curved valley, or None where it is too long.
     """
-    first = system(start)
-    if first is None:
-        return None
-    at, damping = first, 0.0
+
+    def computed(p: Floats) -> System | None:
+        # A wild step may lead beyond the range of numbers.
+        with np.errstate(all="ignore"):
+            at = system(p)
+        return at if at is not None and math.isfinite(at.objective) else None
 
     def after(change: Floats) -> System | None:
         trial = moved(at.p, change)
-        # A wild step may lead beyond the range of numbers.
-        with np.errstate(all="ignore"):
-            return None if trial is None else system(trial)
+        return None if trial is None else computed(trial)
+
+    first = computed(start)
+    if first is None:
+        return None
+    at, damping = first, 0.0
 
     for iteration in range(1, max_iterations + 1):
         step = at.step(damping)

@@ -1,6 +1,7 @@
 """Collect the bent frames of a push, each fitted by itself, with a start of their joint fit."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -15,7 +16,7 @@ from solver.fitting.push_rod import RodBeam, RodPoints
 from solver.fitting.push_uniform import UniformBeam, UniformPoints
 from solver.fitting.residuals import LEVER
 from solver.fitting.rod_estimate import fit_with_neighbours, with_bow
-from solver.fitting.rod_problem import only, rod_problem_of
+from solver.fitting.rod_problem import OwnBeamOf, only, rod_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
@@ -37,14 +38,14 @@ class BentFrames(NamedTuple):
     place: float
 
 
-def bent_frames(measurement: Measurement) -> BentFrames | None:
+def bent_frames(measurement: Measurement, own_beam: OwnBeamOf | None = None) -> BentFrames | None:
     """Return the bent frames of a push and its last `measurement`; None if there is none.
 
     Each frame is fitted by itself first, which gives the outliers, the variance inflation of the
-    other points, and the contact.
+    other points, and the contact. `own_beam` is that of `rod_problem_of`.
     """
     rig, length = measurement.rig, measurement.rig.beam.length
-    if measurement.uniform:
+    if own_beam is None and measurement.uniform:
         frames, points, fits = _collected(measurement, _uniform)
         if not frames:
             return None
@@ -52,7 +53,7 @@ def bent_frames(measurement: Measurement) -> BentFrames | None:
         beam = UniformBeam(points, rig, measurement.base_covariance)
         q = np.array([_linear_q(one, place, length) for one in points])
         return BentFrames(frames, beam, q, np.zeros(3), place)
-    frames, rod_points, fits = _collected(measurement, _rod)
+    frames, rod_points, fits = _collected(measurement, partial(_rod, own_beam))
     if not frames:
         return None
     rod, best = RodBeam(rod_points, rig), _best(fits, S_C)
@@ -110,12 +111,12 @@ def _uniform(frame: Measurement) -> _Fitted[UniformPoints] | Outcome:
     return _Fitted(fit, UniformPoints(inliers, fit.variance_inflation))
 
 
-def _rod(frame: Measurement) -> _Fitted[RodPoints] | Outcome:
+def _rod(own_beam: OwnBeamOf | None, frame: Measurement) -> _Fitted[RodPoints] | Outcome:
     bowed = with_bow(frame)
     problem = problem_of(bowed, with_tip=False)
-    fitted = (
-        fit_with_neighbours(problem, rod_problem_of(bowed, problem)) if problem.points else None
-    )
+    fitted = None
+    if problem.points:
+        fitted = fit_with_neighbours(problem, rod_problem_of(bowed, problem, own_beam=own_beam))
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(frame, problem, fit)
     if fitted is None or fit is None or refusal is not None:

@@ -74,7 +74,7 @@ class RodBeam:
     ) -> Contact | None:
         """Compute the contacts (n,), with gradients (3 + b, n)."""
         rows = [
-            self._contact(self._parameters(i, *shape, beam))
+            self._contact(i, self._parameters(i, *shape, beam))
             for i, shape in enumerate(zip(q, place, friction_ratio, strict=True))
         ]
         present = [row for row in rows if row is not None]
@@ -149,7 +149,7 @@ class RodBeam:
     ) -> LastShape:
         """Compute the values of the last frame by `rod_contact`."""
         p = self._parameters(len(self.frames) - 1, q, place, friction_ratio or 0.0, beam)
-        contact, by_p = rod_contact(self.rig, self._problem, p, motor_angle)
+        contact, by_p = rod_contact(self.rig, self.frames[-1].problem, p, motor_angle)
         values, by_contact, placement = frames.in_all_frames(last, contact, clamp_fitted=True)
         count = len(p)
         columns = [Q, S_C, *self.fitted, FRICTION_RATIO, count, count + 1, count + 2]
@@ -176,12 +176,12 @@ class RodBeam:
         p[self.fitted] += beam - self._problem.mean[self.fitted]
         return p
 
-    def _contact(self, p: Floats) -> Floats | None:
+    def _contact(self, frame: int, p: Floats) -> Floats | None:
         """Compute the quantities of `BentBeam` relative to the clamp, with gradients (6, 1 + p).
 
         The contact is that of a beam as thick as at its clamp. Returns None without a shape.
         """
-        bent = self._problem.bent(p)
+        bent = self.frames[frame].problem.bent(p)
         if bent is None:
             return None
         table, size = np.zeros((6, 1 + len(p))), len(bent.by_moment)

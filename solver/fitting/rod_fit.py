@@ -73,7 +73,9 @@ def fit_rod(problem: RodProblem, start: Floats) -> FrameFit | None:
             iterations += extra
         residual = at.rows[0].residual
         kept = np.abs(residual) < cut
-        at = _system(problem, at.p, at.rows[0], kept.astype(float), float(kept @ residual**2))
+        at = _system(
+            problem, at.p, at.rows[0], kept.astype(float), float(residual[kept] @ residual[kept])
+        )
     inverse = at.inverse()
     covariance = np.zeros((len(at.p), len(at.p)))
     inflation = variance_inflation(np.ascontiguousarray(residual[kept]), at.objective)

@@ -1,5 +1,6 @@
 """Convert a measurement to the arrays of the fit of a beam of changing section."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple, TypeVar
@@ -117,24 +118,34 @@ def with_errors(beam: Beam, errors: int) -> Parameters:
 
 
 P = TypeVar("P", bound=RodProblem)
+# Makes a beam of a user's own of the integrated one that a measurement's rig states.
+OwnBeamOf = Callable[[Measurement, IntegratedBeam], Beam]
 
 
 def rod_problem_of(
-    measurement: Measurement, problem: Problem, *, at_axis: bool = False
+    measurement: Measurement,
+    problem: Problem,
+    *,
+    at_axis: bool = False,
+    own_beam: OwnBeamOf | None = None,
 ) -> RodProblem:
     """Add the stated or learned beam of the measurement's rig to the arrays of `problem`.
 
     The force acts on the beam's surface, or `at_axis`, where it has no lever about its place.
+    `own_beam` makes another beam of the integrated one.
     """
     points, view = problem.arrays.points, problem.arrays.viewpoint
     bow, rig = measurement.rest_bow, measurement.rig
     shared = problem.shared_errors[:, 0 if bow is None else bow.errors :]
     radius = rig.beam.radius / rig.beam.length
-    beam = IntegratedBeam(
+    stated = IntegratedBeam(
         len(rig.shape.widths), 0 if bow is None else BOW, 0.0 if at_axis else radius
     )
-    parameters = with_errors(beam, shared.shape[1])
-    mean, covariance = _prior(measurement, parameters, reflection(points, radius))
+    beam = stated if own_beam is None else own_beam(measurement, stated)
+    at = with_errors(beam, shared.shape[1])
+    mean, covariance = _prior(measurement, at, reflection(points, radius))
+    for name, prior in beam.prior.items():
+        mean[at[name]], covariance[at[name], at[name]] = prior.mean, prior.sigma**2
     uncertain = np.flatnonzero(np.diag(covariance) > 0)
     information = np.zeros_like(covariance)
     block = np.ix_(uncertain, uncertain)

@@ -87,7 +87,8 @@ def _taper_or_friction(with_taper: float, with_friction: float) -> Assumption:
 def _assumptions(rod: RodProblem) -> dict[Assumption | None, list[int]]:
     """Return the parameters of a problem that belong to each statement of the rig.
 
-    Those of None, errors that all points share, belong to no statement.
+    Those of None, errors that all points share and parameters of a beam of a user's own, belong to
+    no statement.
     """
     at = rod.parameters
     return {
@@ -96,7 +97,7 @@ def _assumptions(rod: RodProblem) -> dict[Assumption | None, list[int]]:
         Assumption.BOW: at.indices("bow"),
         Assumption.PLANE: at.indices("psi"),
         Assumption.CLAMP: at.indices("dx", "dy", "tilt", "softness"),
-        None: at.indices("errors"),
+        None: at.indices("errors", *rod.beam.prior),
     }
 
 

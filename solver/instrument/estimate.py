@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.quantities import QUANTITIES, QUANTITY_OF
 
@@ -154,14 +156,24 @@ class Estimate:
 
         Raises ValueError if there is none.
         """
+        return math.sqrt(max(float(self.covariance_of(name)[0, 0]), 0.0))
+
+    def covariance_of(self, *names: str) -> Floats:
+        """Return the covariance (n, n) of values, in the units given in their `names`.
+
+        Raises ValueError if there is none.
+        """
         if self.covariance is None:
             raise ValueError("the estimate has no covariance")
-        quantity = QUANTITY_OF.get(name, name)
-        if quantity not in self.values:
-            raise ValueError(f"the estimate has no {name}, but {', '.join(self.values)}")
-        index = list(self.values).index(quantity)
-        variance = max(float(self.covariance[index, index]), 0.0)
-        return math.sqrt(variance) / (1.0 if name in QUANTITIES else QUANTITIES[quantity].unit)
+        quantities = [QUANTITY_OF.get(name, name) for name in names]
+        for name, quantity in zip(names, quantities, strict=True):
+            if quantity not in self.values:
+                raise ValueError(f"the estimate has no {name}, but {', '.join(self.values)}")
+        rows = [list(self.values).index(quantity) for quantity in quantities]
+        units = np.array(
+            [1.0 if name in QUANTITIES else QUANTITIES[QUANTITY_OF[name]].unit for name in names]
+        )
+        return np.asarray(self.covariance[np.ix_(rows, rows)] / np.outer(units, units))
 
     def correlation(self, one: str, other: str) -> float | None:
         """Return the correlation coefficient of two values, by their SI names.

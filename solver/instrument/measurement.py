@@ -1,7 +1,7 @@
 """Input of a method: the beam as measured in one frame, and the rig."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -184,6 +184,19 @@ class Measurement:
     def sigma_vectors(self) -> Floats:
         """One-sigma vectors (n, 2) [m] of the view."""
         return self.view.sigma_vectors
+
+    def with_shared_errors(self, shifts: Floats) -> "Measurement":
+        """Return the measurement with k more errors that all points share.
+
+        `shifts` (k, n, 2) [m] are the displacements of the points for one sigma of each; a point is
+        measured along its sigma vector only. Raises ValueError if the shape is wrong.
+        """
+        shifts, sigmas = np.asarray(shifts, np.float64), self.sigma_vectors
+        if shifts.ndim != 3 or shifts.shape[1:] != sigmas.shape:
+            raise ValueError(f"shifts has shape {shifts.shape}, allowed is (k, {len(sigmas)}, 2)")
+        columns = (shifts * sigmas).sum(axis=2) / (sigmas**2).sum(axis=1)
+        shared = np.column_stack([self.view.shared_errors, columns.T])
+        return replace(self, view=replace(self.view, shared_errors=shared))
 
     @cached_property
     def shift_by_clamp(self) -> Floats:

@@ -169,7 +169,8 @@ def _points(problem: RodProblem, p: Floats) -> Floats | None:
     curve = bent.curve
     lever, height, angle = curve.base
     # The unloaded end is nearly straight.
-    tip = curve.nodes[U, 0] * (1 - p[S_C]) / (END - p[S_C])
+    first, contact = curve.nodes[U, 0], curve.nodes[U, curve.contact]
+    tip = contact + (first - contact) * (1 - p[S_C]) / (END - p[S_C])
     count = problem.points.shape[1]
     u = np.linspace(lever, tip, count + 1)[1:]
     nodes = np.clip(np.searchsorted(curve.nodes[U], u) - 1, 0, curve.nodes.shape[1] - 2)

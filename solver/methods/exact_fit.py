@@ -11,16 +11,23 @@ where its shape was learned, or where it has a bow that matters, the fit is that
 which also judges a uniform beam whose residuals are no white noise.
 """
 
+from functools import partial
+
 from solver.fitting.rod_estimate import rod_estimate
+from solver.fitting.rod_problem import OwnBeamOf, rod_problem_of
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 
-def exact_fit(measurement: Measurement) -> Estimate:
-    """Estimate contact, force and displacement in the known plane, with their joint covariance."""
-    if not measurement.uniform:
-        return rod_estimate(measurement)
+def exact_fit(measurement: Measurement, *, beam: OwnBeamOf | None = None) -> Estimate:
+    """Estimate contact, force and displacement in the known plane, with their joint covariance.
+
+    `beam` makes a beam of the user's own, as in `solver.beams.own_beam`, of the one that the rig
+    states.
+    """
+    if beam is not None or not measurement.uniform:
+        return rod_estimate(measurement, partial(rod_problem_of, own_beam=beam))
     estimate, white = uniform_estimate(measurement)
     if white or not estimate.values:
         return estimate

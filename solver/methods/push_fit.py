@@ -36,6 +36,7 @@ from solver.core.least_squares import fit_rows
 from solver.fitting.push_estimate import push_estimate, single_frame
 from solver.fitting.push_frames import BentFrames, bent_frames
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, PUSH, Push
+from solver.fitting.rod_problem import OwnBeamOf
 from solver.fitting.sliding import ratio_matrix
 from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.uniform_estimate import uniform_estimate
@@ -52,30 +53,32 @@ from solver.methods.exact_fit import exact_fit
 _START_SIGMA: Final = 0.02
 
 
-def push_fit_friction(measurement: Measurement) -> Estimate:
+def push_fit_friction(measurement: Measurement, *, beam: OwnBeamOf | None = None) -> Estimate:
     """Run `push_fit` with Coulomb friction between the beam and the object."""
-    return push_fit(measurement, friction=True)
+    return push_fit(measurement, friction=True, beam=beam)
 
 
-def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
+def push_fit(
+    measurement: Measurement, friction: bool = False, *, beam: OwnBeamOf | None = None
+) -> Estimate:
     """Estimate the last frame's contact, the object's compliance and the onset, with covariance.
 
     The radius of the object is among the values where the push determines it.
 
     With `friction`, or where the rig states that objects may have it, also estimate its
-    coefficient, which a single frame does not determine.
+    coefficient, which a single frame does not determine. `beam` is that of `exact_fit`.
     """
-    uniform = measurement.uniform
+    uniform = measurement.uniform and beam is None
     if friction and not (uniform or measurement.rig.shape.ratio_sigma):
         measurement = _with_friction(measurement)
-    single = _rough(measurement) if friction and uniform else exact_fit(measurement)
+    single = _rough(measurement) if friction and uniform else exact_fit(measurement, beam=beam)
     if not single.values:
         return single
     if measurement.rig.known_psi:
         return single_frame(single, "the push is not in plane C")
     if measurement.motor_angle is None:
         return single_frame(single, "no motor angle is read")
-    bent = bent_frames(measurement)
+    bent = bent_frames(measurement, beam)
     if bent is None or len(bent.frames) < 2:
         return single_frame(single, "no earlier frame shows a bend")
     no_friction = np.zeros((len(bent.frames), 0))

@@ -1,0 +1,189 @@
+"""A beam of a user's own: what bends it besides the contact is stated in a few lines.
+
+The line of the beam and the moments on it depend on each other: the line is integrated from the
+curvature, and the curvature computed from the line, until it does not move (Picard's iteration).
+Gradients are central differences. All lengths are in units of the beam's length, in the frame of
+the clamp's tangent: x along it, y to the side to which contact bends the beam.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.integrate import cumulative_simpson
+
+from solver.beams.beam import FRICTION_RATIO, S_C, BentBeam, Q
+from solver.beams.curve import END, MOST_ANGLE, Curve
+from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.steps import straight_in_moments
+from solver.beams.stretch import LEAST_WIDTH
+from solver.core.parameters import Parameters
+from solver.instrument.arrays import Floats
+
+# Steps of the integration up to the contact, and beyond it. Measured: a contact of the beam of
+# `integrated` is met to 1e-8 when it is bent by 40 degrees.
+_STEPS: Final = 32
+# Largest change of a place in the last iteration, and most iterations. Chosen: a beam that is bent
+# by 40 degrees takes 20.
+_TOLERANCE: Final = 1e-13
+_MAX_ITERATIONS: Final = 80
+# Step of differences. Chosen: rounding and truncation change a gradient by about 1e-8.
+_STEP: Final = 1e-5
+
+
+class Line(NamedTuple):
+    """Lines of v beams at m arc lengths: `s`, `x`, `y` (v, m), and the tangent's angle (v, m).
+
+    The contact is at the index `contact`, and again at the next one, where the part without load
+    begins; the last arc length is a little beyond the tip, which is at s = 1.
+    """
+
+    s: Floats
+    x: Floats
+    y: Floats
+    angle: Floats
+    contact: int
+
+    def at_tip(self, values: Floats) -> Floats:
+        """Interpolate values (v, m) to the tip: (v, 1)."""
+        rows = zip(self.s, values, strict=True)
+        return np.array([[np.interp(1.0, s, value)] for s, value in rows])
+
+
+@dataclass(frozen=True)
+class OwnBeam(IntegratedBeam):
+    """A beam whose curvature a subclass states, as a `Beam`.
+
+    It has the width, bow and contact of `IntegratedBeam`. `prior` may name more parameters.
+    """
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Those of the contact, of the width and of the bow, and then those of the `prior`."""
+        return super().parameters.followed_by(*((name, 1) for name in self.prior))
+
+    def curvature(self, line: Line, p: Mapping[str, Floats]) -> Floats:
+        """Compute the curvature (v, m) of v beams that have this line.
+
+        `p` has their parameters by name: (v, 1), and (v, size) of "widths" and "bow". A subclass
+        adds to this one, that of the contact's force and at rest, what else bends the beam: moments
+        over EI at the clamp, over the fourth power of `width`.
+        """
+        angle, i = line.angle[:, [line.contact]], line.contact
+        sine, cosine = np.sin(angle), np.cos(angle)
+        # Across the beam and, by friction, along it, on the side from which the force comes.
+        radius = self.radius * self.width(line, p)[:, [i]] * np.sign(p["q"])
+        arm_x = line.x[:, [i]] + radius * sine - line.x
+        arm_y = line.y[:, [i]] - radius * cosine - line.y
+        force_x = p["q"] * (p["friction_ratio"] * cosine - sine)
+        force_y = p["q"] * (p["friction_ratio"] * sine + cosine)
+        moment = arm_x * force_y - arm_y * force_x
+        moment[:, i + 1 :] = 0.0
+        return np.asarray(moment / self.width(line, p) ** 4 + _at_rest(line, p))
+
+    def width(self, line: Line, p: Mapping[str, Floats]) -> Floats:
+        """Compute the width (v, m) over that at the clamp."""
+        if not self.widths:
+            return np.ones(line.s.shape)
+        terms = np.polynomial.legendre.legvander(2 * line.s - 1, self.widths - 1)
+        width = 1 + line.s * (terms * p["widths"][:, None]).sum(axis=-1)
+        return np.asarray(np.maximum(width, LEAST_WIDTH))
+
+    def bent(self, p: Floats) -> BentBeam | None:
+        """Compute the shape with parameters p (k,); None if no beam has it."""
+        inside = 0 < p[S_C] < END and abs(p[FRICTION_RATIO]) < np.tan(MOST_ANGLE)
+        if p[Q] < 0 or not inside:
+            return None
+        k = len(p)
+        steps = _STEP * np.vstack([np.eye(k), -np.eye(k)])
+        line, curvature, named = self._lines(np.vstack([p, p + steps]))
+        if line is None:
+            return None
+        return _as_bent(line, curvature, named)
+
+    def after_step(self, p: Floats, step: Floats, ray: float) -> Floats:
+        """Return shape and clamp (k + 5,) after a step, by linear theory."""
+        del ray
+        return straight_in_moments(p, step)
+
+    def _lines(self, rows: Floats) -> tuple[Line | None, Floats, dict[str, Floats]]:
+        """Find the lines of beams with parameters (v, k), and their curvature (v, m).
+
+        There is no line where the iteration does not end.
+        """
+        at = self.parameters
+        named = {name: rows[:, at.span(name)] for name, _ in at.blocks}
+        share, place = np.linspace(0.0, 1.0, _STEPS + 1), named["s_c"]
+        s = np.hstack([place * share, place + (END - place) * share])
+        zero = np.zeros_like(s)
+        line = Line(s, s.copy(), zero, zero, _STEPS)
+        for _ in range(_MAX_ITERATIONS):
+            curvature = self.curvature(line, named)
+            angle = _integrated(curvature, place)
+            x, y = _integrated(np.cos(angle), place), _integrated(np.sin(angle), place)
+            moved = max(np.abs(x - line.x).max(), np.abs(y - line.y).max())
+            line = line._replace(x=x, y=y, angle=angle)
+            if moved < _TOLERANCE:
+                turned = np.abs(angle - angle[:, [_STEPS]])
+                return (line if turned.max() < MOST_ANGLE else None), curvature, named
+            if not np.abs(angle).max() < np.pi:
+                break
+        return None, zero, named
+
+
+def _at_rest(line: Line, p: Mapping[str, Floats]) -> Floats:
+    """Compute the curvature at rest (v, m)."""
+    orders = np.arange(2, 2 + p["bow"].shape[1])
+    powers = line.s[..., None] ** (orders - 2)
+    return np.asarray((orders * (orders - 1) * powers * p["bow"][:, None]).sum(axis=-1))
+
+
+def _integrated(rate: Floats, place: Floats) -> Floats:
+    """Integrate a rate (v, m) over the arc length, up to the contact at `place` (v, 1) and on."""
+    before, beyond = np.split(rate, 2, axis=1)
+    first = cumulative_simpson(before, dx=place / _STEPS, axis=1, initial=0.0)
+    last = cumulative_simpson(beyond, dx=(END - place) / _STEPS, axis=1, initial=0.0)
+    return np.hstack([first, first[:, -1:] + last])
+
+
+def _as_bent(line: Line, curvature: Floats, p: Mapping[str, Floats]) -> BentBeam:
+    """Convert a line, with those of parameters ahead and behind, to a shape with gradients.
+
+    The axes of the curve are along and across the contact's tangent.
+    """
+    i = line.contact
+    axis = line.angle[0, i]
+    cosine, sine = np.cos(axis), np.sin(axis)
+    along, across = line.x * cosine + line.y * sine, line.y * cosine - line.x * sine
+    turned = line.angle - axis
+    secant = 1 / np.cos(turned[0])
+    slope, bend = -np.tan(turned[0]), curvature[0] * secant**3
+    by_u, by_p, by_slope = -_gradient(along), _gradient(across), -(secant**2) * _gradient(turned)
+    # From the tip to the clamp; gradients at constant u.
+    nodes = np.array([-along[0], across[0], slope, bend])[:, ::-1]
+    gradients = np.stack([by_p - slope * by_u, by_slope - bend * by_u], axis=1)[:, :, ::-1]
+    k, last = len(gradients), line.s.shape[1] - 1
+    root, lean = np.hypot(1.0, p["friction_ratio"]), -np.arctan(p["friction_ratio"])
+    quantities = np.hstack(
+        [p["q"] * root, line.angle[:, [i]], line.x[:, [i]], line.y[:, [i]], p["s_c"], lean]
+    )
+    moment = (curvature - _at_rest(line, p))[:, 0]
+    curve = Curve(
+        nodes=np.ascontiguousarray(nodes),
+        gradients=np.ascontiguousarray(gradients),
+        contact=last - i - 1,
+        by_arm=by_u[:, i],
+        base=np.array([0.0, 0.0, axis]),
+        by_base=np.zeros((k, 3)),
+        exists=True,
+    )
+    by_contact = np.ascontiguousarray(_gradient(quantities).T)
+    return BentBeam(curve, quantities[:1], by_contact[None], float(moment[0]), _gradient(moment))
+
+
+def _gradient(values: Floats) -> Floats:
+    """Compute the gradient (k, ...) of values (1 + 2 k, ...) at, ahead and behind."""
+    ahead, behind = np.split(values[1:], 2)
+    return np.asarray((ahead - behind) / (2 * _STEP))
