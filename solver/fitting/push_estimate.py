@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from solver.core.least_squares import Fit
-from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, Push
+from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, PushAt
 from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.unknown_friction import force_variance_second_order
 from solver.fitting.verdict import classified_estimate
@@ -36,9 +36,9 @@ def single_frame(estimate: Estimate, reason: str) -> Estimate:
     return replace(estimate, message=message)
 
 
-def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> Estimate:
+def push_estimate(at: PushAt, last: Measurement, fit: Fit, single: Estimate) -> Estimate:
     """Return the estimate, or the outcome if the frames are inconsistent or insufficient."""
-    count, chi2 = len(push.frames), fit.chi2
+    push, count, chi2 = at.push, len(at.frames), fit.chi2
     dof = push.beam.points + 1 - PUSH
 
     def failure(message: str, assumption: Assumption | None = None) -> Estimate:
@@ -53,7 +53,7 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
 
     if fit.rank_deficient:
         return single_frame(single, f"{count} frames do not determine the push")
-    consistency, equations = push.consistency_chi2(fit.parameters)
+    consistency, equations = at.consistency_chi2()
     if consistency > chdtri(equations, THRESHOLDS.false_rejection):
         return failure(
             f"the {count} frames of the push do not fit one object at one place on a linear "
@@ -78,7 +78,7 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
         and coefficient**2 > THRESHOLDS.impossible_sigmas**2 * fit.covariance[push.size, push.size]
     ):
         return failure("the coefficient of friction would be negative")
-    values, covariance = _quantities(push, last, fit)
+    values, covariance = _quantities(at, last, fit)
     row = list(values).index("compliance_m_per_n")
     if values["compliance_m_per_n"] < -THRESHOLDS.impossible_sigmas * math.sqrt(
         covariance[row, row]
@@ -120,13 +120,12 @@ def _with_contact_of(single: Estimate, push: Estimate) -> Estimate:
     )
 
 
-def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, float], Floats]:
+def _quantities(at: PushAt, last: Measurement, fit: Fit) -> tuple[dict[str, float], Floats]:
     """Compute all values of the last frame and of the push, and their joint covariance."""
+    push, shapes = at.push, at.shapes
     side, count, n = last.rig.deflects_towards, len(push.frames), len(fit.parameters)
     x0 = push.size - PUSH
     onset, compliance = float(fit.parameters[x0 + 1]), float(fit.parameters[x0 + 2])
-    shapes = push.shapes(fit.parameters)
-    assert shapes is not None
     friction_ratio = float(push.ratio_matrix[-1] @ fit.parameters[push.size :])
     last_shape = push.beam.last_shape(
         last,

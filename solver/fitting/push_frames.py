@@ -1,13 +1,13 @@
 """Collect the bent frames of a push, each fitted by itself, with a start of their joint fit."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.beams.linear import unit_deflection
+from solver.core.once import once
 from solver.fitting.fit import FrameFit, fit_from, start_of
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.problem import problem_of, without
@@ -46,14 +46,14 @@ def bent_frames(measurement: Measurement, own_beam: OwnBeamOf | None = None) -> 
     """
     rig, length = measurement.rig, measurement.rig.beam.length
     if own_beam is None and measurement.uniform:
-        frames, points, fits = _collected(measurement, _uniform)
+        frames, points, fits = _collected(measurement, _uniform, None)
         if not frames:
             return None
         place = _best(fits, LEVER).p[LEVER] * length
         beam = UniformBeam(points, rig, measurement.base_covariance)
         q = np.array([_linear_q(one, place, length) for one in points])
         return BentFrames(frames, beam, q, np.zeros(3), place)
-    frames, rod_points, fits = _collected(measurement, partial(_rod, own_beam))
+    frames, rod_points, fits = _collected(measurement, _rod, own_beam)
     if not frames:
         return None
     rod, best = RodBeam(rod_points, rig), _best(fits, S_C)
@@ -80,14 +80,16 @@ class _Collected(NamedTuple, Generic[Points]):
 
 
 def _collected(
-    measurement: Measurement, fitted: Callable[[Measurement], _Fitted[Points] | Outcome]
+    measurement: Measurement,
+    fitted: Callable[[Measurement, OwnBeamOf | None], _Fitted[Points] | Outcome],
+    own_beam: OwnBeamOf | None,
 ) -> _Collected[Points]:
     """Fit all frames of a push; those without contact or motor angle are left out."""
     frames: list[PushFrame] = []
     fits: list[_Fitted[Points]] = []
     begins = True
     for frame in (*measurement.earlier, measurement):
-        result = fitted(frame)
+        result = fitted(frame, own_beam)
         begins = begins or result is Outcome.NO_CONTACT
         if isinstance(result, Outcome) or frame.motor_angle is None:
             continue
@@ -99,7 +101,9 @@ def _collected(
     )
 
 
-def _uniform(frame: Measurement) -> _Fitted[UniformPoints] | Outcome:
+@once
+def _uniform(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted[UniformPoints] | Outcome:
+    del own_beam
     # As in `exact_fit`, without tips: a detected tip may be an occluder's edge.
     problem = problem_of(frame, with_tip=False)
     start = start_of(problem, 0.0) if problem.points else None
@@ -111,7 +115,8 @@ def _uniform(frame: Measurement) -> _Fitted[UniformPoints] | Outcome:
     return _Fitted(fit, UniformPoints(inliers, fit.variance_inflation))
 
 
-def _rod(own_beam: OwnBeamOf | None, frame: Measurement) -> _Fitted[RodPoints] | Outcome:
+@once
+def _rod(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted[RodPoints] | Outcome:
     bowed = with_bow(frame)
     problem = problem_of(bowed, with_tip=False)
     fitted = None

@@ -54,7 +54,9 @@ def about_axis(contact: Contact, offset: Floats) -> Contact:
     """
 
     def with_offset(gradient: Floats, by_offset: tuple[float, float] = (0.0, 0.0)) -> Floats:
-        return np.concatenate([gradient, np.tile(by_offset, (gradient.shape[1], 1)).T])
+        longer = np.empty((len(gradient) + 2, gradient.shape[1]))
+        longer[:-2], longer[-2], longer[-1] = gradient, *by_offset
+        return longer
 
     return replace(
         contact,

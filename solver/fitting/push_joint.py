@@ -10,13 +10,14 @@ With friction the unknowns of the friction ratios follow, Coulomb's coefficient 
 `sliding`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import lstsq
 
-from solver.core.least_squares import Fit, Rows
+from solver.core.least_squares import Rows
 from solver.fitting.push_beam import PushBeam, PushFrame
 from solver.fitting.push_geometry import about_axis, first_about_axis, touch
 from solver.fitting.thresholds import THRESHOLDS
@@ -146,10 +147,19 @@ class Push:
 
     def residuals(self, parameters: Floats) -> Rows | None:
         """Compute residuals and Jacobian in sigmas; None if a shape or its push does not exist."""
+        at = self.at(parameters)
+        return None if at is None else at.joint
+
+    def at(self, parameters: Floats) -> "PushAt | None":
+        """Compute shapes and residuals; None if a shape or its push does not exist."""
         shapes = self.shapes(parameters)
-        images = None if shapes is None else self._image_residuals(parameters, shapes.places)
-        if shapes is None or images is None:
+        if shapes is None:
             return None
+        frames = [self._rows(i, parameters, shapes.places) for i in range(len(self.frames))]
+        present = [rows for rows in frames if rows is not None]
+        if len(present) < len(frames):
+            return None
+        images = self._images(parameters, present)
         # Places are functions of all parameters; the other unknowns of the points are parameters.
         count, image_unknowns = len(self.frames), self.base.stop
         by_parameters = np.zeros((len(parameters), len(images.jacobian)))
@@ -157,35 +167,31 @@ class Push:
         by_parameters[:, image_unknowns : image_unknowns + count] = shapes.d_places.T
         by_parameters[self.size :, image_unknowns + count :] = np.eye(self.ratio_matrix.shape[1])
         residual, jacobian = self._push_residuals(parameters, shapes)
-        return Rows(
+        joint = Rows(
             np.append(images.residual, residual),
             np.hstack([by_parameters @ images.jacobian, jacobian]),
         )
+        return PushAt(self, shapes, present, images, joint)
 
-    def _image_residuals(self, parameters: Floats, places: Floats) -> Rows | None:
-        """Compute the residuals of the images: a few rows per frame, and the prior.
+    def _images(self, parameters: Floats, frames: Sequence[Floats]) -> Rows:
+        """Return the residuals of the images: a few rows of each of the `frames`, and the prior.
 
         The Jacobian is by q (n), clamp and beam, the places (n) and the friction ratios' unknowns.
-        Returns None if a shape does not exist.
         """
         count, size = len(self.frames), self.base.stop
-        residuals, jacobians = [], []
-        for i in range(count):
-            rows = self._rows(i, parameters, places)
-            if rows is None:
-                return None
-            base = size - count
-            by_shape = np.zeros((len(rows), size + count + self.ratio_matrix.shape[1]))
-            by_shape[:, i], by_shape[:, size + i] = rows[:, 0], rows[:, 1]
-            by_shape[:, self.base] = rows[:, 2 : 2 + base]
-            by_shape[:, size + count :] = np.outer(rows[:, 2 + base], self.ratio_matrix[i])
-            residuals.append(rows[:, 3 + base])
-            jacobians.append(by_shape)
-        prior = self.beam.prior
-        by_base = np.zeros((len(prior.mean), jacobians[0].shape[1]))
-        by_base[:, self.base] = prior.root
-        residuals.append(prior.root @ (parameters[self.base] - prior.mean))
-        return Rows(np.concatenate(residuals), np.vstack([*jacobians, by_base]).T)
+        base, prior = size - count, self.beam.prior
+        ends = np.cumsum([len(rows) for rows in frames])
+        residual = np.empty(ends[-1] + len(prior.mean))
+        jacobian = np.zeros((size + count + self.ratio_matrix.shape[1], len(residual)))
+        for i, (rows, end) in enumerate(zip(frames, ends, strict=True)):
+            part = slice(end - len(rows), end)
+            jacobian[i, part], jacobian[size + i, part] = rows[:, 0], rows[:, 1]
+            jacobian[self.base, part] = rows[:, 2 : 2 + base].T
+            jacobian[size + count :, part] = np.outer(self.ratio_matrix[i], rows[:, 2 + base])
+            residual[part] = rows[:, 3 + base]
+        jacobian[self.base, ends[-1] :] = prior.root.T
+        residual[ends[-1] :] = prior.root @ (parameters[self.base] - prior.mean)
+        return Rows(residual, jacobian)
 
     def _rows(self, i: int, parameters: Floats, places: Floats) -> Floats | None:
         """Compute the rows of a frame, as `PushBeam.rows`."""
@@ -215,58 +221,54 @@ class Push:
         sigma[count + 1 :] = self.friction_sigma
         return Rows(residual / sigma, (jacobian / sigma[:, None]).T)
 
-    def moved_by_shared_errors(self, fit: Fit) -> Floats:
+
+class PushAt(NamedTuple):
+    """A push at some parameters (p,): its shapes, and residuals with Jacobian in sigmas.
+
+    `frames` are the rows of each frame, as `PushBeam.rows`, `images` those of all frames with the
+    prior, `joint` those of the push as well.
+    """
+
+    push: Push
+    shapes: Shapes
+    frames: list[Floats]
+    images: Rows
+    joint: Rows
+
+    def moved_by_shared_errors(self, covariance: Floats) -> Floats:
         """Compute the displacement (p, k) of a fit by one sigma of each shared error."""
-        parameters = fit.parameters
-        shapes, joint = self.shapes(parameters), self.residuals(parameters)
-        assert shapes is not None
-        assert joint is not None
-        columns = self.base.stop - len(self.frames) + 4
-        frames = [self._rows(i, parameters, shapes.places) for i in range(len(self.frames))]
-        errors = [rows[:, columns:] for rows in frames if rows is not None]
-        shared = np.zeros((len(joint.residual), max(error.shape[1] for error in errors)))
+        columns = self.push.base.stop - len(self.frames) + 4
+        errors = [rows[:, columns:] for rows in self.frames]
+        shared = np.zeros((len(self.joint.residual), max(one.shape[1] for one in errors)))
         first = 0
         for error in errors:
             shared[first : first + len(error), : error.shape[1]] = error
             first += len(error)
-        return np.asarray(fit.covariance @ joint.jacobian @ shared)
+        return np.asarray(covariance @ self.joint.jacobian @ shared)
 
-    def moved_by_offset(self, fit: Fit) -> Floats:
+    def moved_by_offset(self, covariance: Floats) -> Floats:
         """Compute the displacement (p, 2) of a fit by one sigma each of the clamp's offset."""
-        shapes, joint = self.shapes(fit.parameters), self.residuals(fit.parameters)
-        assert shapes is not None
-        assert joint is not None
-        images = self._image_residuals(fit.parameters, shapes.places)
-        assert images is not None
-        count, size = len(self.frames), self.base.stop
-        by_offset = np.zeros((len(joint.residual), 2))
-        angles = len(images.residual)
+        push, images, shapes = self.push, self.images, self.shapes
+        count, size, angles = len(self.frames), push.base.stop, len(images.residual)
+        by_offset = np.zeros((len(self.joint.residual), 2))
         by_offset[:angles] = images.jacobian[size : size + count].T @ shapes.places_by_offset
-        by_offset[angles : angles + count] = shapes.angles_by_offset / self.encoder_sigma
-        values, vectors = np.linalg.eigh(self.offset_covariance)
+        by_offset[angles : angles + count] = shapes.angles_by_offset / push.encoder_sigma
+        values, vectors = np.linalg.eigh(push.offset_covariance)
         sigmas = vectors * np.sqrt(np.maximum(values, 0.0))
-        return np.asarray(fit.covariance @ joint.jacobian @ by_offset @ sigmas)
+        return np.asarray(covariance @ self.joint.jacobian @ by_offset @ sigmas)
 
-    def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
+    def consistency_chi2(self) -> tuple[float, int]:
         """Compute chi^2 and degrees of freedom of the push's own equations (Rao 1948).
 
         This chi^2 is the decrease if each frame had a shape of its own, to first order about the
-        joint fit's `parameters`. For a single object at rest at one place, on a linear spring, it
+        joint fit's parameters. For a single object at rest at one place, on a linear spring, it
         is chi^2-distributed; for one that moves or slips it is large, however noisy the points.
         """
-        shapes, joint = self.shapes(parameters), self.residuals(parameters)
-        assert shapes is not None
-        assert joint is not None
-        images = self._image_residuals(parameters, shapes.places)
-        assert images is not None
-        all_residuals, image_residuals, jacobian = (
-            joint.residual,
-            images.residual,
-            images.jacobian.T,
-        )
+        joint, jacobian = self.joint, self.images.jacobian.T
+        residual = self.images.residual
         scale = np.linalg.norm(jacobian, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
-        step = lstsq(jacobian / scale, image_residuals, lapack_driver="gelsy")[0]
-        remaining = image_residuals - jacobian @ (step / scale)
-        dof = len(all_residuals) - len(image_residuals) + jacobian.shape[1] - len(parameters)
-        return float(all_residuals @ all_residuals - remaining @ remaining), dof
+        step = lstsq(jacobian / scale, residual, lapack_driver="gelsy")[0]
+        remaining = residual - jacobian @ (step / scale)
+        dof = len(joint.residual) - len(residual) + jacobian.shape[1] - len(joint.jacobian)
+        return float(joint.residual @ joint.residual - remaining @ remaining), dof

@@ -110,10 +110,14 @@ def push_fit(
             no_ratios = np.zeros(again.ratio_matrix.shape[1])
             push, start = again, np.append(fit.parameters[: push.size], no_ratios)
             fit = fit_rows(push.residuals, start)
+    at = push.at(fit.parameters)
+    assert at is not None, "the fit has shapes"
     if not fit.rank_deficient:
-        moved = np.hstack([push.moved_by_shared_errors(fit), push.moved_by_offset(fit)])
+        moved = np.hstack(
+            [at.moved_by_shared_errors(fit.covariance), at.moved_by_offset(fit.covariance)]
+        )
         fit = replace(fit, covariance=fit.covariance + moved @ moved.T)
-    return push_estimate(push, measurement, fit, single)
+    return push_estimate(at, measurement, fit, single)
 
 
 def _offset(measurement: Measurement) -> ClampOffset:

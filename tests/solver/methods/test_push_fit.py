@@ -607,7 +607,9 @@ def test_the_tension_of_a_single_object_is_chance(
         push, start = joint_push(random, friction, angles)
         fit = fit_rows(push.residuals, start)
         assert fit.converged
-        tension, equations = push.consistency_chi2(fit.parameters)
+        at = push.at(fit.parameters)
+        assert at is not None
+        tension, equations = at.consistency_chi2()
         tensions.append(tension)
     spread = math.sqrt(2 * equations / len(tensions))
     assert np.mean(tensions) == pytest.approx(equations, abs=6 * spread)
@@ -618,7 +620,9 @@ def test_an_offset_of_the_clamp_moves_the_fit_as_a_fit_with_it_is_moved(friction
     push, start = joint_push(generator(__name__, 1), friction, THERE_AND_BACK_DEG)
     push = replace(push, offset_covariance=np.array([[4e-6, 1e-6], [1e-6, 1e-6]]))
     fit = fit_rows(push.residuals, start, step_sigmas=1e-7)
-    moved = push.moved_by_offset(fit)
+    at = push.at(fit.parameters)
+    assert at is not None
+    moved = at.moved_by_offset(fit.covariance)
     values, vectors = np.linalg.eigh(push.offset_covariance)
     sigmas = np.sqrt(np.diag(fit.covariance))
     for column, sigma in zip(moved.T, (vectors * np.sqrt(values)).T, strict=True):
