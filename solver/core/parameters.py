@@ -16,7 +16,7 @@ class Parameters:
     blocks: tuple[tuple[str, int], ...]
 
     def __len__(self) -> int:
-        return sum(size for _, size in self.blocks)
+        return self._size
 
     def __getitem__(self, name: str) -> int:
         """Return the index of a parameter, or of the first one of a block."""
@@ -44,6 +44,10 @@ class Parameters:
     def followed_by(self, *blocks: tuple[str, int]) -> "Parameters":
         """Return the parameters with more blocks at their end."""
         return Parameters((*self.blocks, *blocks))
+
+    @cached_property
+    def _size(self) -> int:
+        return sum(size for _, size in self.blocks)
 
     @cached_property
     def _firsts(self) -> dict[str, int]:

@@ -38,12 +38,13 @@ def rod_estimate(
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip=False)
     enough = problem.points >= THRESHOLDS.min_points
-    fitted = fit_with_neighbours(problem, rod_problem(bowed, problem)) if enough else None
+    rod = rod_problem(bowed, problem) if enough else None
+    fitted = None if rod is None else fit_with_neighbours(problem, rod)
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(measurement, problem, fit)
-    if refusal is not None or fitted is None or fit is None:
+    if refusal is not None or rod is None or fitted is None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    found = prior_conflict(bowed, problem, fitted.fit, fitted.gain, rod_problem)
+    found = prior_conflict(bowed, problem, rod, fitted.fit, fitted.gain, rod_problem)
     if found is not None:
         dof = max(int(np.count_nonzero(fit.kept)) - 2, 1)
         return Estimate(

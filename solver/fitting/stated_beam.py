@@ -35,17 +35,18 @@ class PriorConflict(NamedTuple):
 def prior_conflict(
     measurement: Measurement,
     problem: Problem,
+    stated_rod: RodProblem,
     fit: FrameFit,
     gain: float,
     rod_problem: Callable[[Measurement, Problem], RodProblem],
 ) -> PriorConflict | None:
     """Return how an image contradicts the beam that its rig states; None if it does not.
 
-    Either the fit is too far from the rig's statements, or errors that neighbouring points share,
-    which gain `gain` in twice the log likelihood, explain the points worse than another taper does:
-    such errors could hide it.
+    `stated_rod` is what `rod_problem` makes of measurement and problem. Either the fit is too far
+    from the rig's statements, or errors that neighbouring points share, which gain `gain` in twice
+    the log likelihood, explain the points worse than another taper does: such errors could hide it.
     """
-    rod = only(rod_problem(measurement, problem), fit.kept)
+    rod = only(stated_rod, fit.kept)
     p = fit.p[: len(rod.mean)]
     stated = rod.free[np.diag(rod.information)[rod.free] > 0]
     away = (p - rod.mean)[stated]

@@ -124,8 +124,8 @@ def _other_beam(
 ) -> Estimate | None:
     """Refuse an image whose beam, in the plane of inclination `psi`, is not that of its rig."""
     in_order = replace(fit, kept=fit.kept[problem.order])
-    in_plane = partial(rod_in_plane, psi)
-    found = prior_conflict(with_bow(measurement), problem, in_order, gain, in_plane)
+    in_plane, bowed = partial(rod_in_plane, psi), with_bow(measurement)
+    found = prior_conflict(bowed, problem, in_plane(bowed, problem), in_order, gain, in_plane)
     if found is None:
         return None
     return Estimate(
