@@ -16,7 +16,7 @@ from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.centreline import Flag
 from solver.instrument.compiled import njit
-from solver.instrument.medians import median
+from solver.instrument.medians import median, quantile
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
 # Widths, in columns, of the local medians of misfit and brightness, and the degree of the
@@ -52,7 +52,8 @@ def flag_columns(
     ]
     typical_misfit = 1.0
     if len(plausible) > 0:
-        typical = np.quantile(plausible, THRESHOLDS.in_part_share) if in_part else median(plausible)
+        share = THRESHOLDS.in_part_share
+        typical = quantile(plausible, share) if in_part else median(plausible)
         typical_misfit = max(typical, 1.0)
     flags = np.zeros(len(brightness), np.uint8)
     for i in range(len(brightness)):
