@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from solver.instrument import MAX_PIXELS
 
 if TYPE_CHECKING:
-    from solver.api import CalibratedRig, open_rig
+    from solver.api import CalibratedRig, load_rig, open_rig
     from solver.beams.beam import Prior
     from solver.beams.own_beam import OwnBeam
     from solver.instrument.errors import InputError
@@ -38,6 +38,7 @@ __all__ = [
     "Prior",
     "PushTracker",
     "exact_fit",
+    "load_rig",
     "open_observations",
     "open_rig",
     "push_fit",
@@ -63,6 +64,7 @@ _MODULE_OF = {
     "open_observations": "instrument.observation",
     "open_rig": "api",
     "exact_fit": "methods.exact_fit",
+    "load_rig": "api",
     "push_fit": "methods.push_fit",
     "push_fit_friction": "methods.push_fit",
 }

@@ -12,6 +12,7 @@ from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import open_rig_files
 from solver.lab.check import CalibrationReport, calibration_report
 from solver.lab.live import warm_up
+from solver.lab.saved_rig import load_tree, save_tree
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.learning.learn import LearnedBeam
 from solver.methods import LEARNING, METHODS, Method
@@ -57,6 +58,14 @@ class CalibratedRig:
         beam = learn_from_frames(self.antenna, frames_to_learn(frames))
         return replace(self, antenna=with_learned(self.antenna, beam), beam=beam)
 
+    def save(self, path: str | Path) -> None:
+        """Write the calibrated rig to a file, with which `load_rig` starts at once.
+
+        Raises InputError if it cannot be written, or if an extractor of the user's own has no
+        plain fields.
+        """
+        save_tree(Path(path), self)
+
     def check(self) -> CalibrationReport:
         """Return the calibration's quality, and contradictions of rest images and rig.json."""
         return calibration_report(self.antenna)
@@ -69,3 +78,15 @@ def open_rig(path: str | Path, centreline: str = "profile_fit") -> CalibratedRig
     """
     learn, files = find_extractor(centreline), open_rig_files(Path(path))
     return CalibratedRig(set_up(files, learn), next(files.read_rest_images()))
+
+
+def load_rig(path: str | Path) -> CalibratedRig:
+    """Read a calibrated rig that `CalibratedRig.save` has written.
+
+    The images of board and rest are not read again. Raises InputError if the file cannot be read,
+    or was written by another version.
+    """
+    rig = load_tree(Path(path))
+    if not isinstance(rig, CalibratedRig):
+        raise InputError(f"{path}: is not a saved rig")
+    return rig
