@@ -10,15 +10,17 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import open_rig_files
+from solver.instrument.units import DEGREE
 from solver.lab.check import CalibrationReport, calibration_report
 from solver.lab.live import warm_up
+from solver.lab.overlay import ImageContact, contact_in_image
 from solver.lab.saved_rig import load_tree, save_tree
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.learning.learn import LearnedBeam
 from solver.methods import LEARNING, METHODS, Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
-from solver.tracker import PushTracker
+from solver.tracker import FrameSolution, PushTracker
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,17 @@ class CalibratedRig:
         """
         beam = learn_from_frames(self.antenna, frames_to_learn(frames))
         return replace(self, antenna=with_learned(self.antenna, beam), beam=beam)
+
+    def contact_in_image(
+        self, solution: FrameSolution, motor_angle_deg: float | None = None
+    ) -> ImageContact | None:
+        """Project the contact and the force of a tracker's `solve` to the image, for an overlay.
+
+        The measured and rejected points are in `solution.line`. A camera that is fixed in the world
+        needs the motor angle, unless it was estimated. Return None without a contact.
+        """
+        angle = None if motor_angle_deg is None else motor_angle_deg * DEGREE
+        return contact_in_image(self.antenna, solution, angle)
 
     def save(self, path: str | Path) -> None:
         """Write the calibrated rig to a file, with which `load_rig` starts at once.

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -41,21 +41,31 @@ def draw(antenna: Antenna, given: FrameResult) -> Picture:
         mark(picture, line, factor)
         if line.tip is not None:
             _ring(picture, line.tip, factor, TIP)
-    contact = _contact_in_image(antenna, given.solved, given.shot.readings.motor_angle)
+    contact = contact_in_image(antenna, given.solved, given.shot.readings.motor_angle)
     if contact is not None:
-        point, direction = contact
-        _arrow(picture, point, direction, factor, _arrow_px(antenna, given.solved, len(picture)))
-        _ring(picture, point, factor, CONTACT)
+        length = _arrow_px(antenna, given.solved, len(picture))
+        _arrow(picture, contact.point, contact.direction, factor, length)
+        _ring(picture, contact.point, factor, CONTACT)
     name = f"{Path(given.shot.name).name}  {1e3 * given.latency:.1f} ms"
     for number, text in enumerate((sentence(given.row), name)):
         _write(picture, text, number)
     return picture
 
 
-def _contact_in_image(
-    antenna: Antenna, solved: FrameSolution, motor_angle: float | None
-) -> tuple[Floats, Floats] | None:
-    """Project the contact to (2,) [px] and the direction of its force to a unit vector (2,)."""
+class ImageContact(NamedTuple):
+    """Estimated contact (2,) [px] as (u, v), and unit vector (2,) of the force on the beam."""
+
+    point: Floats
+    direction: Floats
+
+
+def contact_in_image(
+    antenna: Antenna, solved: FrameSolution, motor_angle: float | None = None
+) -> ImageContact | None:
+    """Project contact and force to the image; None where they were not estimated.
+
+    A camera that is fixed in the world needs the `motor_angle` [rad], unless it was estimated.
+    """
     values, rig = solved.estimate.values, antenna.rig
     if solved.line is None or not values:
         return None
@@ -90,7 +100,7 @@ def _contact_in_image(
     norm = float(np.linalg.norm(direction))
     if not np.isfinite(projected).all() or norm < 1e-9:
         return None
-    return projected[0], direction / norm
+    return ImageContact(projected[0], direction / norm)
 
 
 def _arrow_px(antenna: Antenna, solved: FrameSolution, height: int) -> float:

@@ -34,6 +34,13 @@ def test_a_rig_is_opened_and_its_frames_are_tracked(dataset: Path) -> None:
         frame.image(), frame.readings, frame.push_id
     )
     assert same.estimate.values == estimate.values
+    # The contact of an overlay is on the beam, where the object hides its points.
+    contact = rig.contact_in_image(same)
+    assert contact is not None
+    assert same.line is not None
+    u, v = same.line.points.T
+    assert np.interp(contact.point[0], u, v) == pytest.approx(contact.point[1], abs=0.5)
+    assert np.hypot(*contact.direction) == pytest.approx(1.0)
     # A colour image of equal channels is the gray one.
     colour = np.repeat(frame.image()[:, :, None], 3, axis=2)
     again = rig.tracker().update(colour, motor_angle_deg=angle)
