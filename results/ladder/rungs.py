@@ -11,6 +11,8 @@ import numpy as np
 
 from solver.antenna import Antenna
 from solver.at_rest.pose import Rest
+from solver.baselines.linear_fit import linear_fit
+from solver.baselines.two_point import contact_distance, two_point
 from solver.centreline.extractors import EXTRACTORS
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.estimate import Estimate, Outcome
@@ -19,8 +21,6 @@ from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig
 from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
-from solver.methods.linear_fit import linear_fit
-from solver.methods.two_point import contact_distance, two_point
 from solver.set_up import set_up
 
 # Name of the last rung, which is no method.

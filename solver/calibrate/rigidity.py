@@ -28,7 +28,7 @@ from scipy.optimize import least_squares
 from solver.beams.stretch import LEAST_WIDTH, least_width
 from solver.calibrate.thresholds import THRESHOLDS
 from solver.core.correlation import correlation_length
-from solver.fitting.rod_problem import in_beam_frame
+from solver.fitting.frame_problem import in_beam_frame
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import FIRST_WIDTH
 from solver.instrument.errors import InputError

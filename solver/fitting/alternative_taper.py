@@ -11,13 +11,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from solver.beams.stretch import WIDTHS
-from solver.fitting.problem import Problem
-from solver.fitting.rod_fit import LeastSquares, least_squares
-from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
-from solver.fitting.rod_start import uniform_start
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of, only
+from solver.fitting.frame_start import uniform_start
+from solver.fitting.robust_fit import LeastSquares, least_squares
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import FIRST_WIDTH, BeamShape
 from solver.instrument.measurement import Measurement
+from solver.uniform.problem import Problem
 
 # Sigma of the tip's relative width. Chosen: wires, needles and whiskers lie within two of it.
 # Measured: with it one contact explains all frames of a beam of 0.6 at the tip, and none of the 131
@@ -38,7 +38,7 @@ def fit_alternative_taper(
     measurement: Measurement,
     problem: Problem,
     kept: Any,
-    rod_problem: Callable[[Measurement, Problem], RodProblem] = rod_problem_of,
+    rod_problem: Callable[[Measurement, Problem], FrameProblem] = frame_problem_of,
     near: Floats | None = None,
 ) -> OtherTaper:
     """Fit one contact on a beam whose taper may be another than the rig states.
@@ -65,7 +65,7 @@ def with_other_friction(
     measurement: Measurement,
     problem: Problem,
     kept: Any,
-    rod_problem: Callable[[Measurement, Problem], RodProblem],
+    rod_problem: Callable[[Measurement, Problem], FrameProblem],
     near: Floats,
 ) -> float:
     """Return the sum of squares of one contact whose friction may be more than the rig states.
@@ -84,13 +84,13 @@ def _with_shape(measurement: Measurement, shape: BeamShape) -> Measurement:
     return replace(measurement, rig=replace(measurement.rig, shape=shape))
 
 
-def _best_fit(rod: RodProblem, starts: Sequence[Floats | None]) -> LeastSquares | None:
+def _best_fit(rod: FrameProblem, starts: Sequence[Floats | None]) -> LeastSquares | None:
     """Return the fit of the least sum of squares from some starts; None if none exists."""
     fits = [fit for p in starts if p is not None and (fit := least_squares(rod, p)) is not None]
     return min(fits, key=lambda fit: fit.objective, default=None)
 
 
-def _near(rod: RodProblem, problem: Problem) -> Floats | None:
+def _near(rod: FrameProblem, problem: Problem) -> Floats | None:
     """Fit the stated beam: its friction and clamp are nearer than those of a uniform beam."""
     start = uniform_start(problem, rod)
     fit = None if start is None else least_squares(rod, start)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.core.correlation import integrated_correlation
-from solver.fitting.thresholds import THRESHOLDS
+from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import dot

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from solver.core.least_squares import DEFICIENT, STOPPED
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
-from solver.fitting.fit import FrameFit
-from solver.fitting.problem import Problem
-from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.uniform.fit import FrameFit
+from solver.uniform.problem import Problem
 
 
 def refusal_of(

@@ -13,22 +13,22 @@ import numpy as np
 from solver.beams.beam import FRICTION_RATIO
 from solver.beams.dead_load import FrictionRatio, friction_ratio_of
 from solver.beams.steps import straight_in_moments
-from solver.fitting.fit import FrameFit
-from solver.fitting.problem import Problem
-from solver.fitting.rod_problem import RodProblem, rod_problem_of
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption
 from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import turn_about_z
+from solver.uniform.fit import FrameFit
+from solver.uniform.problem import Problem
 
 
 @dataclass(frozen=True, kw_only=True)
-class HungProblem(RodProblem):
+class HungProblem(FrameProblem):
     """Points of one frame of a beam under a weight, with the prior of its parameters.
 
-    The parameters are those of `RodProblem`, but for the friction ratio's: it is the error [rad] of
-    the direction of gravity. `direction` [rad] is the angle of the axis across gravity, in the
+    The parameters are those of `FrameProblem`, but for the friction ratio's: it is the error [rad]
+    of the direction of gravity. `direction` [rad] is the angle of the axis across gravity, in the
     frame of the beam at rest: 0 where gravity pulls across the beam.
     """
 
@@ -55,8 +55,8 @@ class HungProblem(RodProblem):
             jacobian += np.outer(_by_error(found), by_friction_ratio)
         return exists
 
-    def rod_fit(self, fit: FrameFit) -> FrameFit:
-        """Convert a fit to the parameters of `RodProblem`, with friction ratio and covariance."""
+    def with_friction_ratio(self, fit: FrameFit) -> FrameFit:
+        """Convert a fit to the parameters of `FrameProblem`, with friction ratio and covariance."""
         own = self.parameters["errors"]
         found = self._friction_ratio(fit.p[:own])
         assert found is not None, "the fit has residuals"
@@ -102,7 +102,7 @@ def hung_problem_of(measurement: Measurement, problem: Problem, gravity: Gravity
     The direction of gravity has the tolerance of the rig's statement, and those of the encoder, if
     the motor angle was read, and of the board's rotation, by which Sigma_a is known.
     """
-    rod = rod_problem_of(measurement, problem, at_axis=True)
+    rod = frame_problem_of(measurement, problem, at_axis=True)
     tolerances = measurement.rig.tolerances
     encoder = 0.0 if measurement.motor_angle is None else tolerances.encoder
     sigma = math.hypot(gravity.sigma, encoder, tolerances.board_rotation)

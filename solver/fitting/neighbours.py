@@ -13,10 +13,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.fitting.residuals import X, Y
-from solver.fitting.rod_fit import residuals_at
-from solver.fitting.rod_problem import P, RodProblem, with_own_errors
+from solver.fitting.frame_problem import FrameProblem, P, with_own_errors
+from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
+from solver.uniform.residuals import X, Y
 
 # Number of nodes along the beam. Chosen: about ten pixels of an image from one to the next.
 NODES: Final = 32
@@ -43,7 +43,7 @@ class Neighbours(NamedTuple):
     gain: float
 
 
-def neighbours_of(problem: RodProblem, p: Floats, kept: Floats) -> Neighbours | None:
+def neighbours_of(problem: FrameProblem, p: Floats, kept: Floats) -> Neighbours | None:
     """Find the errors that neighbouring points share, from a fit p (p,) of a frame.
 
     `kept` (n,) are its points without outliers, in the order of the problem. Return None where
@@ -91,7 +91,7 @@ def with_neighbours(problem: P, neighbours: Neighbours) -> P:
     return with_own_errors(problem, neighbours.sigma * course)
 
 
-def _hats(problem: RodProblem) -> Floats:
+def _hats(problem: FrameProblem) -> Floats:
     """Compute the interpolation (n, NODES) from values at nodes to the residuals.
 
     Places are distances from the clamp, over the beam's length; it is 0 for what is no point.

@@ -9,8 +9,8 @@ from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from solver.core.least_squares import Fit
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, PushAt
-from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.unknown_friction import force_variance_second_order
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats

@@ -8,20 +8,20 @@ import numpy as np
 from solver.beams.beam import S_C, Q
 from solver.beams.linear import unit_deflection
 from solver.core.once import once
-from solver.fitting.fit import FrameFit, fit_from, start_of
 from solver.fitting.fit_estimate import refusal_of
-from solver.fitting.problem import problem_of, without
+from solver.fitting.frame_estimate import fit_with_neighbours, with_bow
+from solver.fitting.frame_problem import OwnBeamOf, frame_problem_of, only
 from solver.fitting.push_beam import PushBeam, PushFrame
-from solver.fitting.push_rod import RodBeam, RodPoints
-from solver.fitting.push_uniform import UniformBeam, UniformPoints
-from solver.fitting.residuals import LEVER
-from solver.fitting.rod_estimate import fit_with_neighbours, with_bow
-from solver.fitting.rod_problem import OwnBeamOf, only, rod_problem_of
+from solver.fitting.push_integrated import IntegratedPoints, IntegratedPush
+from solver.fitting.push_uniform import UniformPoints, UniformPush
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
+from solver.uniform.fit import FrameFit, fit_from, start_of
+from solver.uniform.problem import problem_of, without
+from solver.uniform.residuals import LEVER
 
-Points = TypeVar("Points", UniformPoints, RodPoints)
+Points = TypeVar("Points", UniformPoints, IntegratedPoints)
 
 
 class BentFrames(NamedTuple):
@@ -42,7 +42,7 @@ def bent_frames(measurement: Measurement, own_beam: OwnBeamOf | None = None) -> 
     """Return the bent frames of a push and its last `measurement`; None if there is none.
 
     Each frame is fitted by itself first, which gives the outliers, the variance inflation of the
-    other points, and the contact. `own_beam` is that of `rod_problem_of`.
+    other points, and the contact. `own_beam` is that of `frame_problem_of`.
     """
     rig, length = measurement.rig, measurement.rig.beam.length
     if own_beam is None and measurement.uniform:
@@ -50,13 +50,13 @@ def bent_frames(measurement: Measurement, own_beam: OwnBeamOf | None = None) -> 
         if not frames:
             return None
         place = _best(fits, LEVER).p[LEVER] * length
-        beam = UniformBeam(points, rig, measurement.base_covariance)
+        beam = UniformPush(points, rig, measurement.base_covariance)
         q = np.array([_linear_q(one, place, length) for one in points])
         return BentFrames(frames, beam, q, np.zeros(3), place)
     frames, rod_points, fits = _collected(measurement, _rod, own_beam)
     if not frames:
         return None
-    rod, best = RodBeam(rod_points, rig), _best(fits, S_C)
+    rod, best = IntegratedPush(rod_points, rig), _best(fits, S_C)
     q = np.array([fit.p[Q] for fit in fits]) / length**2
     return BentFrames(frames, rod, q, best.p[rod.fitted], best.p[S_C] * length)
 
@@ -116,18 +116,18 @@ def _uniform(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted[UniformP
 
 
 @once
-def _rod(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted[RodPoints] | Outcome:
+def _rod(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted[IntegratedPoints] | Outcome:
     bowed = with_bow(frame)
     problem = problem_of(bowed, with_tip=False)
     fitted = None
     if problem.points:
-        fitted = fit_with_neighbours(problem, rod_problem_of(bowed, problem, own_beam=own_beam))
+        fitted = fit_with_neighbours(problem, frame_problem_of(bowed, problem, own_beam=own_beam))
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(frame, problem, fit)
     if fitted is None or fit is None or refusal is not None:
         return Outcome.NOT_CONVERGED if refusal is None else refusal.outcome
     inliers = only(fitted.rod, fitted.fit.kept)
-    return _Fitted(fit, RodPoints(inliers, fit.variance_inflation))
+    return _Fitted(fit, IntegratedPoints(inliers, fit.variance_inflation))
 
 
 def _linear_q(points: UniformPoints, lever: float, length: float) -> float:

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from solver.core.least_squares import Rows
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.push_beam import PushBeam, PushFrame
 from solver.fitting.push_geometry import about_axis, first_about_axis, touch
-from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 

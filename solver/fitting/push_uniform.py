@@ -8,10 +8,14 @@ from typing import Final
 import numpy as np
 
 from solver.beams import frictional
-from solver.fitting.problem import Problem
 from solver.fitting.push_beam import LastShape, Prior
 from solver.fitting.push_geometry import FirstTouch
-from solver.fitting.residuals import (
+from solver.fitting.values import SHAPE, shape_quantities
+from solver.instrument.arrays import Floats
+from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Rig
+from solver.uniform.problem import Problem
+from solver.uniform.residuals import (
     DX,
     DY,
     LEAST_SIGMA,
@@ -26,10 +30,6 @@ from solver.fitting.residuals import (
     is_feasible,
     point_residuals,
 )
-from solver.fitting.values import SHAPE, shape_quantities
-from solver.instrument.arrays import Floats
-from solver.instrument.measurement import Measurement
-from solver.instrument.rig import Rig
 
 # Indices of a push frame's parameters among those of a fit without friction.
 _FRAME_PARAMETERS: Final = [Q, LEVER, DX, DY, TILT]
@@ -116,7 +116,7 @@ class UniformPoints:
 
 
 @dataclass(frozen=True)
-class UniformBeam:
+class UniformPush:
     """Uniform beam of a rig, and the points of a push's n frames, as `PushBeam`.
 
     The place is the lever of the force about the clamp [m]. The parameters of the clamp are those

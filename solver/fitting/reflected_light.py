@@ -10,18 +10,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beams.beam import BentBeam
-from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
-from solver.fitting.rod_problem import (
+from solver.fitting.frame_problem import (
     LEAST_REFLECTION,
     REFLECTED,
     SHARED_VARIANCE_FRACTION,
+    FrameProblem,
     P,
-    RodProblem,
     reflection,
     with_common_errors,
     with_own_errors,
 )
 from solver.instrument.arrays import Floats
+from solver.uniform.residuals import SIGMA_X, SIGMA_Y, X, Y
 
 # Distance from the contact at which half of it is left. Chosen: an object of the size of
 # `push_joint.RADIUS_SIGMA`.
@@ -35,7 +35,7 @@ class TouchedPlace(NamedTuple):
     direction: Floats
 
 
-def touched_place(problem: RodProblem, p: Floats) -> TouchedPlace:
+def touched_place(problem: FrameProblem, p: Floats) -> TouchedPlace:
     """Compute the contact of a fit with parameters p (p,)."""
     bent = problem.bent(p)
     assert bent is not None, "the fit has a shape"
@@ -50,7 +50,7 @@ def places_of(bent: BentBeam) -> list[TouchedPlace]:
     ]
 
 
-def reflection_matters(problem: RodProblem) -> bool:
+def reflection_matters(problem: FrameProblem) -> bool:
     """Test whether the light that an object reflects may move the points by part of their sigma."""
     return reflection(problem.points, problem.beam.radius) > LEAST_REFLECTION
 
@@ -67,7 +67,7 @@ def lit_by_objects(problem: P, touch: TouchedPlace) -> P:
     return with_own_errors(problem, math.sqrt(1 - SHARED_VARIANCE_FRACTION) * light)
 
 
-def _light(problem: RodProblem, touch: TouchedPlace) -> Floats:
+def _light(problem: FrameProblem, touch: TouchedPlace) -> Floats:
     """Compute the shift of the points (n, 2), in sigmas: beside the contact, and ahead of it."""
     x, y = (problem.points[[X, Y]] - touch.place[:, None]) / _OBJECT
     shift = REFLECTED * problem.beam.radius / (1 + x * x + y * y)

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beams.beam import FRICTION_RATIO, S_C, Q
-from solver.fitting.rod_problem import P, RodProblem
+from solver.fitting.frame_problem import FrameProblem, P
 from solver.fitting.sliding import CERTAIN, HELD
 from solver.instrument.arrays import Floats
 
@@ -40,7 +40,7 @@ class _Growth(NamedTuple):
     straight: float
 
 
-def friction_sign_of(problem: RodProblem, p: Floats) -> int:
+def friction_sign_of(problem: FrameProblem, p: Floats) -> int:
     """Return the sign of the friction ratio at a rigid object, of a fit with parameters p (p,).
 
     It is 1 where the object drags the beam towards its tip, -1 towards its clamp, and 0 where the
@@ -67,7 +67,7 @@ def with_friction_sign(problem: P, sign: int) -> P:
     return replace(problem, mean=mean, information=information, friction_sign=sign)
 
 
-def _growth(problem: RodProblem, p: Floats) -> _Growth:
+def _growth(problem: FrameProblem, p: Floats) -> _Growth:
     assert problem.rigid is not None, "the rig states that objects are rigid"
     shape = p.copy()
     shape[FRICTION_RATIO] = 0.0

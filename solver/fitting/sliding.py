@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.fitting.thresholds import THRESHOLDS
+from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
 # Share of the first reversal's angle up to which the beam certainly slides the first way. Chosen:

@@ -8,13 +8,13 @@ import numpy as np
 
 from solver.beams.beam import FRICTION_RATIO
 from solver.fitting.alternative_taper import fit_alternative_taper, with_other_friction
-from solver.fitting.fit import FrameFit
-from solver.fitting.problem import Problem
-from solver.fitting.rod_fit import least_squares
-from solver.fitting.rod_problem import RodProblem, only
+from solver.fitting.frame_problem import FrameProblem, only
+from solver.fitting.robust_fit import least_squares
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption
 from solver.instrument.measurement import Measurement
+from solver.uniform.fit import FrameFit
+from solver.uniform.problem import Problem
 
 # Sigmas of chi2 beyond which the parameters are not those that the rig states. Derived: nine
 # parameters are so by chance once in ten thousand images. Of 600 images with true statements none
@@ -35,14 +35,14 @@ class PriorConflict(NamedTuple):
 def prior_conflict(
     measurement: Measurement,
     problem: Problem,
-    stated_rod: RodProblem,
+    stated_rod: FrameProblem,
     fit: FrameFit,
     gain: float,
-    rod_problem: Callable[[Measurement, Problem], RodProblem],
+    rod_problem: Callable[[Measurement, Problem], FrameProblem],
 ) -> PriorConflict | None:
     """Return how an image contradicts the beam that its rig states; None if it does not.
 
-    `stated_rod` is what `rod_problem` makes of measurement and problem. Either the fit is too far
+    `stated_rod` is what `frame_problem` makes of measurement and problem. Either the fit is too far
     from the rig's statements, or errors that neighbouring points share, which gain `gain` in twice
     the log likelihood, explain the points worse than another taper does: such errors could hide it.
     """
@@ -85,7 +85,7 @@ def _taper_or_friction(with_taper: float, with_friction: float) -> Assumption:
     return Assumption.TAPER if with_taper < with_friction else Assumption.FRICTION
 
 
-def _assumptions(rod: RodProblem) -> dict[Assumption | None, list[int]]:
+def _assumptions(rod: FrameProblem) -> dict[Assumption | None, list[int]]:
     """Return the parameters of a problem that belong to each statement of the rig.
 
     Those of None, errors that all points share and parameters of a beam of a user's own, belong to

@@ -6,20 +6,20 @@ from typing import Final
 import numpy as np
 
 from solver.core.least_squares import CONVERGED
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.alternative_taper import fit_alternative_taper
-from solver.fitting.fit import FrameFit, start_of
-from solver.fitting.problem import Problem, problem_of
+from solver.fitting.frame_estimate import with_bow
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.fitting.reflected_light import lit_by_object, places_of, reflection_matters
-from solver.fitting.residuals import TILT as START_TILT
-from solver.fitting.rod_estimate import with_bow
-from solver.fitting.rod_fit import LeastSquares, fit_rod, least_squares
-from solver.fitting.rod_problem import RodProblem, rod_problem_of
-from solver.fitting.thresholds import THRESHOLDS
+from solver.fitting.robust_fit import LeastSquares, least_squares, robust_fit
 from solver.fitting.two_contact_problem import starts_of, two_contact_problem_of
 from solver.fitting.two_contact_values import two_contact_values
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.uniform.fit import FrameFit, start_of
+from solver.uniform.problem import Problem, problem_of
+from solver.uniform.residuals import TILT as START_TILT
 
 # Largest number of starts. Measured: the minimum is reached from the first one but for forces near
 # the noise.
@@ -34,7 +34,7 @@ _LEAST_INNER: Final = 0.2
 def two_contact_estimate(measurement: Measurement) -> Estimate:
     """Estimate two contacts and their forces, with the joint covariance of all values.
 
-    The beam is the stated or learned one of the rig, as in `rod_estimate`. The inner contact has
+    The beam is the stated or learned one of the rig, as in `frame_estimate`. The inner contact has
     the names of a single one, the outer one those of `second_...`. The outcome is "invalid" where
     such a beam does not explain the points, and "not identifiable" where the image shows a second
     contact but does not determine it, or where one contact on a beam of another taper than the rig
@@ -44,12 +44,12 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
     problem = problem_of(bowed, with_tip=False)
     if problem.points < THRESHOLDS.min_points:
         return Estimate(Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points")
-    double = two_contact_problem_of(rod_problem_of(bowed, problem))
+    double = two_contact_problem_of(frame_problem_of(bowed, problem))
     single = start_of(problem, float(double.mean[double.parameters["psi"]]))
     fit = _best_fit(double, 0.0 if single is None else float(single[START_TILT]))
     if fit is not None and fit.status == CONVERGED and reflection_matters(double):
         double = _lit_at_both(double, fit)
-        fit = fit_rod(double, np.append(fit.p, np.zeros(double.own_errors)))
+        fit = robust_fit(double, np.append(fit.p, np.zeros(double.own_errors)))
     if fit is None or fit.status != CONVERGED:
         return Estimate(Outcome.NOT_CONVERGED, "no beam with two contacts is near the points")
     count = int(np.count_nonzero(fit.kept))
@@ -79,7 +79,7 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
     )
 
 
-def _best_fit(problem: RodProblem, tilt: float) -> FrameFit | None:
+def _best_fit(problem: FrameProblem, tilt: float) -> FrameFit | None:
     """Fit from the start that leads to the smallest sum of squares; None if none converges."""
     best: LeastSquares | None = None
     count = problem.points.shape[1]
@@ -89,10 +89,10 @@ def _best_fit(problem: RodProblem, tilt: float) -> FrameFit | None:
             best = minimum
         if best is not None and best.objective < count * noise_chi2(count):
             break
-    return None if best is None else fit_rod(problem, best.p)
+    return None if best is None else robust_fit(problem, best.p)
 
 
-def _lit_at_both(problem: RodProblem, fit: FrameFit) -> RodProblem:
+def _lit_at_both(problem: FrameProblem, fit: FrameFit) -> FrameProblem:
     """Add the light that the objects reflect at both contacts of a fit."""
     bent = problem.bent(fit.p)
     assert bent is not None, "the fit has a shape"
@@ -125,7 +125,7 @@ def _taper_instead(measurement: Measurement, problem: Problem, fit: FrameFit) ->
     return f"one contact on a beam with a tip of {tip:.2f} times its width, or two contacts"
 
 
-def _undetermined(problem: RodProblem, fit: FrameFit, name: str) -> str:
+def _undetermined(problem: FrameProblem, fit: FrameFit, name: str) -> str:
     """Return why the fit does not determine the "inner" or "outer" contact, or ""."""
     q, s = problem.parameters.indices(
         *(("q", "s_c") if name == "outer" else ("q_inner", "s_c_inner"))
@@ -138,7 +138,7 @@ def _undetermined(problem: RodProblem, fit: FrameFit, name: str) -> str:
     return ""
 
 
-def _no_inner(problem: RodProblem, fit: FrameFit) -> str:
+def _no_inner(problem: FrameProblem, fit: FrameFit) -> str:
     """Return why the fit does not show an inner contact, or ""."""
     outer, inner = np.abs(fit.p[problem.parameters.indices("q", "q_inner")])
     if inner < _LEAST_INNER * outer:
@@ -146,7 +146,7 @@ def _no_inner(problem: RodProblem, fit: FrameFit) -> str:
     return _undetermined(problem, fit, "inner")
 
 
-def _impossible(measurement: Measurement, problem: RodProblem, fit: FrameFit) -> str:
+def _impossible(measurement: Measurement, problem: FrameProblem, fit: FrameFit) -> str:
     """Return why two places are not those of two contacts on the beam, or ""."""
     places = problem.parameters.indices("s_c", "s_c_inner")
     outer, inner = fit.p[places]

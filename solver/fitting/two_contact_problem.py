@@ -11,9 +11,9 @@ from solver.beams.beam import FRICTION_RATIO
 from solver.beams.integrated_beam import IntegratedBeam
 from solver.beams.stretch import width_at
 from solver.beams.two_contact_beam import TwoContactBeam
-from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
-from solver.fitting.rod_problem import RodProblem
+from solver.fitting.frame_problem import FrameProblem
 from solver.instrument.arrays import Floats
+from solver.uniform.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 
 # Places of the grid of starts, in units of the beam's length, and points that it uses. Chosen:
 # the fit moves a contact by more than a step of the grid.
@@ -26,7 +26,7 @@ _APART: Final = 3
 _FINE: Final = 100
 
 
-def two_contact_problem_of(rod: RodProblem) -> RodProblem:
+def two_contact_problem_of(rod: FrameProblem) -> FrameProblem:
     """Add an inner contact to the problem of one contact, with the same prior of its friction."""
     assert isinstance(rod.beam, IntegratedBeam), "only this beam may have two contacts"
     beam = TwoContactBeam(rod.beam)
@@ -38,7 +38,7 @@ def two_contact_problem_of(rod: RodProblem) -> RodProblem:
     rubs = [friction_ratio] if FRICTION_RATIO in rod.free else []
     others = np.where(rod.free < size, rod.free, rod.free + count)
     inner = beam.parameters.indices("q_inner", "s_c_inner")
-    return RodProblem(
+    return FrameProblem(
         points=rod.points,
         view=rod.view,
         beam=beam,
@@ -49,7 +49,7 @@ def two_contact_problem_of(rod: RodProblem) -> RodProblem:
     )
 
 
-def starts_of(problem: RodProblem, tilt: float, count: int) -> Iterator[Floats]:
+def starts_of(problem: FrameProblem, tilt: float, count: int) -> Iterator[Floats]:
     """Yield up to `count` starts (p,), the best first, of a beam whose clamp is turned by `tilt`.
 
     Each is the best linear beam of the prior's section, with contacts at two places of a grid;

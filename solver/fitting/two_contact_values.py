@@ -7,12 +7,12 @@ import numpy as np
 
 from solver.beams.beam import FRICTION_RATIO
 from solver.fitting import frames
-from solver.fitting.fit import FrameFit
-from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_values import input_variances, mounted_contact
+from solver.fitting.frame_problem import FrameProblem
+from solver.fitting.frame_values import input_variances, mounted_contact
 from solver.fitting.unknown_friction import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
+from solver.uniform.fit import FrameFit
 
 # Names of the outer contact's values, by those of a single contact.
 _SECOND: Final = {
@@ -27,7 +27,7 @@ _SECOND: Final = {
 
 
 def two_contact_values(
-    measurement: Measurement, problem: RodProblem, fit: FrameFit
+    measurement: Measurement, problem: FrameProblem, fit: FrameFit
 ) -> tuple[dict[str, float], Floats]:
     """Compute the values of a fit by name, and their joint covariance.
 

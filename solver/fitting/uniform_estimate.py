@@ -2,13 +2,13 @@
 
 from typing import NamedTuple
 
-from solver.fitting.fit import fit_from, start_of
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
-from solver.fitting.problem import problem_of
-from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.values import values_of
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.uniform.fit import fit_from, start_of
+from solver.uniform.problem import problem_of
 
 
 class UniformEstimate(NamedTuple):

@@ -7,16 +7,16 @@ ratio typical of dry friction is added to its covariance.
 
 import numpy as np
 
-from solver.fitting.fit import fit_from, start_of
-from solver.fitting.problem import problem_of, without
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA
 from solver.fitting.push_uniform import UniformPoints
-from solver.fitting.residuals import DX, DY, LEVER, TILT, Q
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.planes.plane_d import known_plane
+from solver.uniform.fit import fit_from, start_of
+from solver.uniform.problem import problem_of, without
+from solver.uniform.residuals import DX, DY, LEVER, TILT, Q
 
 
 def force_variance_second_order(force: float, friction_ratio: float, sigma: float) -> float:

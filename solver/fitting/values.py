@@ -7,11 +7,11 @@ import numpy as np
 from solver.beams import frictional
 from solver.beams.exact import contact_at
 from solver.fitting import frames
-from solver.fitting.fit import FrameFit
-from solver.fitting.residuals import PARAMETERS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
+from solver.uniform.fit import FrameFit
+from solver.uniform.residuals import PARAMETERS
 
 # Variables of the gradients. `rigidity` and `scale` are the relative errors of EI and of all
 # lengths, `friction_ratio` is the friction ratio (see `frictional`).

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from solver.fitting.thresholds import THRESHOLDS
+from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.rig import Rig

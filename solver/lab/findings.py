@@ -9,8 +9,8 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.at_rest.landmarks import FARTHEST
 from solver.calibrate.uncertainty import calibration_uncertainty
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.first_contact import nearest_linear_bend
-from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.board import Charuco
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame

@@ -22,8 +22,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.push_joint import RADIUS_SIGMA
-from solver.fitting.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.measurement import Measurement

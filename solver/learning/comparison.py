@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from solver.beams.beam import S_C
-from solver.fitting.thresholds import THRESHOLDS
+from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import CLAMP_SHIFT, BeamShape
 from solver.instrument.beam_shape import SOFTNESS as SOFT

@@ -14,10 +14,10 @@ import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.beams.curve import END, U, interpolated
-from solver.fitting.residuals import SIGMA_X, SIGMA_Y
-from solver.fitting.rod_fit import residuals_at
-from solver.fitting.rod_problem import RodProblem
+from solver.fitting.frame_problem import FrameProblem
+from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
+from solver.uniform.residuals import SIGMA_X, SIGMA_Y
 
 # Contacts and deflections of the tip that are compared, over the beam's length, and at which the
 # sigma of x_c is averaged. Chosen: those of usual pushes.
@@ -68,7 +68,7 @@ class _Image(NamedTuple):
     by_load: Floats
 
 
-def next_push(problem: RodProblem, correlation: float, shifted: bool = False) -> NextPush | None:
+def next_push(problem: FrameProblem, correlation: float, shifted: bool = False) -> NextPush | None:
     """Compare pushes by what they would add to the beam of `problem`, which has its covariance.
 
     Images have as many points as that of `problem`, as accurate, with the residuals' correlation
@@ -103,7 +103,7 @@ def next_push(problem: RodProblem, correlation: float, shifted: bool = False) ->
     return NextPush(*best, before, reached[best])
 
 
-def next_force(problem: RodProblem, correlation: float, rigidity: float) -> NextForce | None:
+def next_force(problem: FrameProblem, correlation: float, rigidity: float) -> NextForce | None:
     """Find the push whose force, if it were known, would determine EI best.
 
     `rigidity` is the relative sigma of EI; the other arguments are those of `next_push`. Return
@@ -120,7 +120,7 @@ def next_force(problem: RodProblem, correlation: float, rigidity: float) -> Next
     return NextForce(images[best].load, *best, rigidity, sigmas[best])
 
 
-def _images(problem: RodProblem, correlation: float) -> dict[tuple[float, float], _Image]:
+def _images(problem: FrameProblem, correlation: float) -> dict[tuple[float, float], _Image]:
     """Imagine the images of all pushes that are possible, by place and deflection."""
     settings = product(PLACES, DEFLECTIONS)
     images = {one: _image(problem, *one, correlation) for one in settings}
@@ -133,7 +133,7 @@ def _information_of(total: Floats, rows: Floats) -> Floats:
 
 
 def _image(
-    problem: RodProblem, place: float, deflection: float, correlation: float
+    problem: FrameProblem, place: float, deflection: float, correlation: float
 ) -> _Image | None:
     """Imagine the image of a push; None if the beam cannot be bent in this way."""
     p = problem.mean.copy()
@@ -161,7 +161,7 @@ def _image(
     return _Image(jacobian @ jacobian.T / correlation, gradient, load, by_load)
 
 
-def _points(problem: RodProblem, p: Floats) -> Floats | None:
+def _points(problem: FrameProblem, p: Floats) -> Floats | None:
     """Place the points of `problem` (4, n) evenly on the shape with parameters p; None if none."""
     bent, at = problem.bent(p), problem.parameters
     if bent is None:

@@ -9,23 +9,23 @@ import numpy as np
 from solver.beams.stretch import WIDTHS
 from solver.core.correlation import correlation_length
 from solver.fitting.fit_estimate import refusal_of
+from solver.fitting.frame_estimate import fit_frame, with_bow
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of, only
+from solver.fitting.frame_start import uniform_start
 from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
-from solver.fitting.problem import problem_of
 from solver.fitting.reflected_light import (
     TouchedPlace,
     lit_by_objects,
     reflection_matters,
     touched_place,
 )
-from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rigid_object import with_friction_sign
-from solver.fitting.rod_estimate import fit_frame, with_bow
-from solver.fitting.rod_fit import residuals_at
-from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
-from solver.fitting.rod_start import uniform_start
+from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.measurement import Measurement
+from solver.uniform.problem import problem_of
+from solver.uniform.residuals import SIGMA_X, SIGMA_Y
 
 
 class BentFrame(NamedTuple):
@@ -53,7 +53,7 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     """Fit a frame by itself; None if it shows no contact with a cone of this prior."""
     bowed = with_bow(_with_shape(measurement, prior))
     problem = problem_of(bowed, with_tip=False)
-    fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
+    fitted = fit_frame(problem, frame_problem_of(bowed, problem)) if problem.points else None
     if fitted is None or refusal_of(measurement, problem, fitted.in_order(problem)) is not None:
         return None
     rod, fit = fitted.rod, fitted.fit
@@ -74,7 +74,7 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     )
 
 
-def problems_of(frames: Sequence[BentFrame], shape: BeamShape) -> list[RodProblem]:
+def problems_of(frames: Sequence[BentFrame], shape: BeamShape) -> list[FrameProblem]:
     """Return the frames' problems with this stated or learned beam, without outliers."""
     problems = [_problem(frame, shape) for frame in frames]
     # The frames have the same parameters: all of them are lit, or none.
@@ -102,13 +102,13 @@ def with_shared_errors(
     return result
 
 
-def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
+def _problem(frame: BentFrame, shape: BeamShape) -> FrameProblem:
     measurement = _with_shape(frame.measurement, shape)
-    problem = rod_problem_of(measurement, problem_of(measurement, with_tip=False))
+    problem = frame_problem_of(measurement, problem_of(measurement, with_tip=False))
     return with_friction_sign(problem, frame.friction_sign)
 
 
-def _of_inliers(frame: BentFrame, problem: RodProblem) -> RodProblem:
+def _of_inliers(frame: BentFrame, problem: FrameProblem) -> FrameProblem:
     if frame.neighbours is not None:
         problem = with_neighbours(problem, frame.neighbours)
     points = problem.points.copy()

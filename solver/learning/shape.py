@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.fitting.rod_joint import JointFit, fit_jointly
-from solver.fitting.rod_problem import SHARED_VARIANCE_FRACTION, RodProblem
+from solver.fitting.frame_problem import SHARED_VARIANCE_FRACTION, FrameProblem
+from solver.fitting.joint_fit import JointFit, fit_jointly
 from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape, Friction
 from solver.instrument.beam_shape import SOFTNESS as SOFT
 from solver.learning.pushes import BentFrame, problems_of, with_shared_errors
@@ -31,7 +31,7 @@ class Fitted(NamedTuple):
 
     fit: JointFit
     misfit: float
-    problems: list[RodProblem]
+    problems: list[FrameProblem]
 
 
 def fit_frames(frames: Sequence[BentFrame], shape: BeamShape) -> Fitted | None:

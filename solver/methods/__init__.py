@@ -3,20 +3,20 @@
 from collections.abc import Callable
 from typing import Final
 
+from solver.baselines.force_sensor import force_sensor
+from solver.baselines.linear_fit import linear_fit
+from solver.baselines.moment_sensor import moment_sensor
+from solver.baselines.stiffness import stiffness
+from solver.baselines.three_point import three_point
+from solver.baselines.two_point import two_point
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
 from solver.methods.exact_fit_learned import exact_fit_learned
-from solver.methods.force_sensor import force_sensor
 from solver.methods.hung_weight import hung_weight
-from solver.methods.linear_fit import linear_fit
-from solver.methods.moment_sensor import moment_sensor
 from solver.methods.push_fit import push_fit, push_fit_friction
-from solver.methods.stiffness import stiffness
-from solver.methods.three_point import three_point
 from solver.methods.two_contact_fit import two_contact_fit
-from solver.methods.two_point import two_point
 
 Method = Callable[[Measurement], Estimate]
 

@@ -7,14 +7,14 @@ outliers. The plane is C itself (psi = 0), or that in which a flat strip bends (
 eqs. (7) and (8)). Neither the contact nor the tip needs to be visible.
 
 Where the rig states that the beam may be tapered or out of round, or that objects have friction,
-where its shape was learned, or where it has a bow that matters, the fit is that of `rod_estimate`,
-which also judges a uniform beam whose residuals are no white noise.
+where its shape was learned, or where it has a bow that matters, the fit is that of
+`frame_estimate`, which also judges a uniform beam whose residuals are no white noise.
 """
 
 from functools import partial
 
-from solver.fitting.rod_estimate import rod_estimate
-from solver.fitting.rod_problem import OwnBeamOf, rod_problem_of
+from solver.fitting.frame_estimate import frame_estimate
+from solver.fitting.frame_problem import OwnBeamOf, frame_problem_of
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -27,13 +27,13 @@ def exact_fit(measurement: Measurement, *, beam: OwnBeamOf | None = None) -> Est
     states.
     """
     if beam is not None or not measurement.uniform:
-        return rod_estimate(measurement, partial(rod_problem_of, own_beam=beam))
+        return frame_estimate(measurement, partial(frame_problem_of, own_beam=beam))
     estimate, white = uniform_estimate(measurement)
     if white or not estimate.values:
         return estimate
     # A beam of another shape is refused. Otherwise all points scatter by more than is stated, or
     # neighbouring ones share errors: the estimate with the larger sigma answers for both.
-    judged = rod_estimate(measurement)
+    judged = frame_estimate(measurement)
     if judged.outcome is Outcome.INVALID:
         return judged
     sigma = judged.sigma("x_c_m") if judged.values else 0.0

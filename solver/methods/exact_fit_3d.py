@@ -7,7 +7,7 @@ determined by second-order perspective, or by the position in the image of the t
 known length. chi2 may have several minima over psi: all are searched for.
 
 Where the rig states that the beam may be tapered or out of round, or objects rough, or where the
-beam was learned, or where it has a bow that matters, it is the beam of `rod_estimate`.
+beam was learned, or where it has a bow that matters, it is the beam of `frame_estimate`.
 """
 
 import math
@@ -19,21 +19,21 @@ from typing import NamedTuple
 import numpy as np
 
 from solver.core.least_squares import CONVERGED
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
-from solver.fitting.fit import FrameFit, fit_from, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
-from solver.fitting.problem import Problem, problem_of, without
-from solver.fitting.residuals import PSI
-from solver.fitting.rod_estimate import with_bow
-from solver.fitting.rod_problem import RodProblem, rod_problem_of
-from solver.fitting.rod_space import fits_in_space, rod_in_plane
-from solver.fitting.rod_values import rod_values
+from solver.fitting.frame_estimate import with_bow
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of
+from solver.fitting.frame_values import frame_values
+from solver.fitting.space_fits import fits_in_space, problem_in_plane
 from solver.fitting.stated_beam import prior_conflict
-from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.values import values_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
+from solver.uniform.fit import FrameFit, fit_from, start_of
+from solver.uniform.problem import Problem, problem_of, without
+from solver.uniform.residuals import PSI
 
 STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
 BENT_AWAY = "the beam appears bent away from the object, as in a plane that is seen nearly edge-on"
@@ -102,7 +102,7 @@ def _fit(measurement: Measurement) -> Estimate:
     values, covariance = (
         values_of(measurement, best, True)
         if rod is None
-        else rod_values(measurement, rod, best, psi_fitted=True)
+        else frame_values(measurement, rod, best, psi_fitted=True)
     )
     return estimate_from_fit(measurement, problem, best, values, covariance, psi_fitted=True)
 
@@ -115,7 +115,7 @@ class _Found(NamedTuple):
 
     problem: Problem
     minima: list[FrameFit]
-    rod: RodProblem | None
+    rod: FrameProblem | None
     gain: float = 0.0
 
 
@@ -124,7 +124,7 @@ def _other_beam(
 ) -> Estimate | None:
     """Refuse an image whose beam, in the plane of inclination `psi`, is not that of its rig."""
     in_order = replace(fit, kept=fit.kept[problem.order])
-    in_plane, bowed = partial(rod_in_plane, psi), with_bow(measurement)
+    in_plane, bowed = partial(problem_in_plane, psi), with_bow(measurement)
     found = prior_conflict(bowed, problem, in_plane(bowed, problem), in_order, gain, in_plane)
     if found is None:
         return None
@@ -155,7 +155,7 @@ def _rod_minima(measurement: Measurement, with_tip: bool) -> _Found:
     """Find the minima of the rig's stated or learned beam; none for too few points."""
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip)
-    rod = rod_problem_of(bowed, problem)
+    rod = frame_problem_of(bowed, problem)
     if problem.points < THRESHOLDS.min_points:
         return _Found(problem, [], rod)
     rod, fits, gain = fits_in_space(problem, rod, STARTS)

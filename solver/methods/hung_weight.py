@@ -10,8 +10,8 @@ the same priors; there is no friction.
 import math
 from functools import partial
 
+from solver.fitting.frame_estimate import frame_estimate
 from solver.fitting.hung_problem import direction_of_load, hung_problem_of
-from solver.fitting.rod_estimate import rod_estimate
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
@@ -34,4 +34,4 @@ def hung_weight(measurement: Measurement) -> Estimate:
             f"gravity pulls at {math.degrees(abs(angle)):.0f} deg from the side to which contact "
             f"bends the beam, allowed are {math.degrees(_MAX_ANGLE):.0f} deg",
         )
-    return rod_estimate(measurement, partial(hung_problem_of, gravity=rig.gravity))
+    return frame_estimate(measurement, partial(hung_problem_of, gravity=rig.gravity))

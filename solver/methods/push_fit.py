@@ -33,12 +33,12 @@ from typing import Final
 import numpy as np
 
 from solver.core.least_squares import fit_rows
+from solver.core.thresholds import THRESHOLDS
+from solver.fitting.frame_problem import OwnBeamOf
 from solver.fitting.push_estimate import push_estimate, single_frame
 from solver.fitting.push_frames import BentFrames, bent_frames
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, PUSH, Push
-from solver.fitting.rod_problem import OwnBeamOf
 from solver.fitting.sliding import ratio_matrix
-from solver.fitting.thresholds import THRESHOLDS
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.fitting.unknown_friction import with_unknown_friction
 from solver.instrument.arrays import Floats

@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.beams.dead_load import turn_of
-from solver.fitting.thresholds import THRESHOLDS
+from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.estimate import Outcome

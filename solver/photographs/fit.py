@@ -15,7 +15,7 @@ import numpy as np
 from solver.core.correlation import correlation_length
 from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows
 from solver.core.robust import MEDIAN, tukey
-from solver.fitting.thresholds import THRESHOLDS
+from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.medians import TUKEY_CUT
 from solver.photographs.joint import PhotosProblem, covariance_of

@@ -24,7 +24,7 @@ from solver.beams.dead_load import friction_ratio_of
 from solver.beams.integrated_beam import IntegratedBeam
 from solver.beams.stretch import WIDTHS
 from solver.core.least_squares import Rows
-from solver.fitting.rod_residuals import curve_residuals
+from solver.fitting.beam_residuals import curve_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.photographs.bent_beam import tip_place

@@ -8,13 +8,13 @@ import pytest
 
 from solver.beams.beam import FRICTION_RATIO, S_C, Q
 from solver.beams.stretch import WIDTHS
-from solver.fitting.problem import problem_of
+from solver.fitting.frame_problem import frame_problem_of
 from solver.fitting.rigid_object import friction_sign_of
-from solver.fitting.rod_problem import rod_problem_of
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.transforms import rigid
+from solver.uniform.problem import problem_of
 from tests.simulated import columns
 from tests.tapered import bowed
 from vbaa_bench.mechanics import pushing
@@ -65,7 +65,7 @@ def directions(case: Case, friction: float) -> tuple[list[int], list[float]]:
         taken = bowed(points, removed, bow, np.zeros(3), shape)
         offset = ClampOffset(-np.array(case.axis[:2]))
         taken = replace(taken, rig=replace(taken.rig, beam=THICK, clamp_offset=offset))
-        problem = rod_problem_of(taken, problem_of(taken, with_tip=False))
+        problem = frame_problem_of(taken, problem_of(taken, with_tip=False))
         contact, p = state.contact, problem.mean.copy()
         normal = float(contact.force @ contact.normal)
         ratio = float(contact.force @ contact.tangent) / normal

@@ -6,7 +6,7 @@ import pytest
 from solver.beams.beam import BentBeam
 from solver.beams.integrated_beam import IntegratedBeam
 from solver.beams.own_beam import OwnBeam
-from solver.fitting.rod_residuals import beam_residuals
+from solver.fitting.beam_residuals import beam_residuals
 from solver.instrument.arrays import Floats
 
 RADIUS = 0.01

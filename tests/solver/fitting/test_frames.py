@@ -7,6 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.baselines.force_sensor import force_sensor
+from solver.baselines.linear_fit import linear_fit
+from solver.baselines.moment_sensor import moment_sensor
+from solver.baselines.three_point import three_point
+from solver.baselines.two_point import two_point
 from solver.fitting.frames import CONTACT, DY, in_all_frames
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate
@@ -15,12 +20,7 @@ from solver.instrument.rig import Rig, Sensors
 from solver.instrument.transforms import rigid, turn_about_z
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
-from solver.methods.force_sensor import force_sensor
-from solver.methods.linear_fit import linear_fit
-from solver.methods.moment_sensor import moment_sensor
 from solver.methods.push_fit import push_fit
-from solver.methods.three_point import three_point
-from solver.methods.two_point import two_point
 from tests.inclined import inclined, pushed
 from tests.simulated import BEAM, measurement, pushed_points, rig
 from tests.solver.methods.pushes import measured_push, sensing_rig, still

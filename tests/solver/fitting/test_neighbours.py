@@ -7,16 +7,16 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from solver.fitting import neighbours
+from solver.fitting.frame_estimate import with_bow
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of
+from solver.fitting.frame_start import uniform_start
 from solver.fitting.neighbours import LENGTHS, SIGMAS, neighbours_of, with_neighbours
-from solver.fitting.problem import problem_of
-from solver.fitting.rod_estimate import with_bow
-from solver.fitting.rod_fit import fit_rod, residuals_at
-from solver.fitting.rod_problem import RodProblem, rod_problem_of
-from solver.fitting.rod_start import uniform_start
+from solver.fitting.robust_fit import residuals_at, robust_fit
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.measurement import Measurement, View
 from solver.methods.exact_fit import exact_fit
+from solver.uniform.problem import problem_of
 from tests.simulated import BEAM
 from tests.tapered import SIGMA, bent, measured
 from vbaa_bench.mechanics.loaded import LoadedBeam
@@ -36,18 +36,18 @@ def disturbed(
     return replace(taken, view=View(points, taken.sigma_vectors, taken.view.viewpoint))
 
 
-def fitted(taken: Measurement) -> tuple[RodProblem, Floats]:
+def fitted(taken: Measurement) -> tuple[FrameProblem, Floats]:
     bowed = with_bow(taken)
     problem = problem_of(bowed, with_tip=False)
-    rod = rod_problem_of(bowed, problem)
+    rod = frame_problem_of(bowed, problem)
     start = uniform_start(problem, rod)
     assert start is not None
-    fit = fit_rod(rod, start)
+    fit = robust_fit(rod, start)
     assert fit is not None
     return rod, fit.p
 
 
-def everything(rod: RodProblem) -> Floats:
+def everything(rod: FrameProblem) -> Floats:
     return np.ones(len(rod.shared), bool)
 
 

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.fitting.problem import problem_of
+from solver.fitting.frame_problem import REFLECTED, FrameProblem, frame_problem_of
 from solver.fitting.reflected_light import (
     TouchedPlace,
     lit_by_object,
     lit_by_objects,
     reflection_matters,
 )
-from solver.fitting.residuals import SIGMA_Y, X, Y
-from solver.fitting.rod_problem import REFLECTED, RodProblem, rod_problem_of
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.measurement import Measurement
 from solver.learning.learn import learn_beam
 from solver.learning.page import widths_of
+from solver.uniform.problem import problem_of
+from solver.uniform.residuals import SIGMA_Y, X, Y
 from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, columns, measurement
@@ -39,9 +39,9 @@ def lit(place: float, load: float, light: float, random: np.random.Generator) ->
     return replace(taken, rig=replace(taken.rig, shape=STATED))
 
 
-def problem() -> RodProblem:
+def problem() -> FrameProblem:
     taken = lit(0.6, 0.8, 0.0, generator(__name__, 1))
-    return rod_problem_of(taken, problem_of(taken, with_tip=False))
+    return frame_problem_of(taken, problem_of(taken, with_tip=False))
 
 
 def test_the_light_is_strongest_at_the_contact_and_odd_about_it_in_part() -> None:

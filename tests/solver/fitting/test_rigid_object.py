@@ -7,15 +7,15 @@ import pytest
 from scipy.stats import halfnorm
 
 from solver.beams.beam import FRICTION_RATIO, S_C, Q
-from solver.fitting.problem import problem_of
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.fitting.rigid_object import _growth, friction_sign_of, with_friction_sign
-from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape, stated_shape
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.estimate import Estimate
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
+from solver.uniform.problem import problem_of
 from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM
@@ -26,12 +26,12 @@ STATED = stated_shape(0.0, 0.0, 0.0, SIGMA, rigid_objects=True)
 SLENDERNESS = BEAM.radius / BEAM.length
 
 
-def problem_with(shape: BeamShape) -> RodProblem:
+def problem_with(shape: BeamShape) -> FrameProblem:
     taken = measured(bent(0.0, 0.5, 1.0), shape, generator(__name__, 1))
-    return rod_problem_of(taken, problem_of(taken, with_tip=False))
+    return frame_problem_of(taken, problem_of(taken, with_tip=False))
 
 
-def parameters(problem: RodProblem, place: float, angle: float) -> Floats:
+def parameters(problem: FrameProblem, place: float, angle: float) -> Floats:
     """A beam that an object at `place` [L] bends by a pushing angle [rad], in linear theory."""
     p = problem.mean.copy()
     p[[Q, S_C]] = 3 * angle / place**2, place
@@ -130,7 +130,7 @@ def test_the_axis_is_in_the_beams_frame(side: int, random: np.random.Generator) 
     mirror = np.diag([1.0, side, side, 1.0])
     rig = replace(taken.rig, clamp_offset=ClampOffset(np.array([1e-3, 2e-3])))
     taken = replace(taken, rig=rig, antenna_from_beam=taken.antenna_from_beam @ mirror)
-    problem = rod_problem_of(taken, problem_of(taken, with_tip=False))
+    problem = frame_problem_of(taken, problem_of(taken, with_tip=False))
     assert problem.rigid is not None
     expected = np.array([-1e-3, -side * 2e-3]) / BEAM.length
     np.testing.assert_allclose(problem.rigid.axis, expected, atol=1e-15)

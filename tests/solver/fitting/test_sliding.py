@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from solver.core.thresholds import THRESHOLDS
 from solver.fitting.sliding import ratio_matrix
-from solver.fitting.thresholds import THRESHOLDS
 from tests.solver.methods.pushes import dragged
 
 SIGMA = math.radians(0.01)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from solver.core.least_squares import CONVERGED
-from solver.fitting.problem import Problem, problem_of
-from solver.fitting.rod_fit import fit_rod, residuals_at
-from solver.fitting.rod_problem import rod_problem_of
-from solver.fitting.rod_space import fits_in_space
-from solver.fitting.rod_start import uniform_start
-from solver.fitting.rod_tip import SpatialRodProblem, spatial
+from solver.fitting.frame_problem import frame_problem_of
+from solver.fitting.frame_start import uniform_start
+from solver.fitting.robust_fit import residuals_at, robust_fit
+from solver.fitting.space_fits import fits_in_space
+from solver.fitting.spatial_problem import SpatialProblem, spatial
 from solver.instrument.beam_shape import stated_shape
+from solver.uniform.problem import Problem, problem_of
 from tests.draws import generator
 from tests.tapered import bent, measured
 
@@ -21,12 +21,12 @@ WIRE = stated_shape(taper=0.02, softness=0.0, section=0.02, friction=0.1)
 VIEWPOINT = np.array([0.12, -0.1, 0.36, 1.0])
 
 
-def inclined(load: float = 1.2) -> tuple[Problem, SpatialRodProblem]:
+def inclined(load: float = 1.2) -> tuple[Problem, SpatialProblem]:
     """Points of a beam in plane C, bent by a load [EI / L^2]; the rig does not know its plane."""
     taken = measured(bent(0.01, 0.6, load), WIRE, generator(__name__, 5))
     taken = replace(taken, view=replace(taken.view, viewpoint=VIEWPOINT))
     problem = problem_of(taken, with_tip=False)
-    return problem, spatial(rod_problem_of(taken, problem), problem)
+    return problem, spatial(frame_problem_of(taken, problem), problem)
 
 
 @pytest.mark.parametrize("psi", [-0.8, -0.3, 0.3, 0.8])
@@ -57,7 +57,7 @@ def test_a_fit_converges_from_any_plane() -> None:
     for psi in np.radians([-50.0, -25.0, 25.0, 50.0]):
         start = uniform_start(problem, space, float(psi))
         assert start is not None
-        fit = fit_rod(space, start)
+        fit = robust_fit(space, start)
         assert fit is not None
         assert fit.status == CONVERGED
         fits.append(fit)

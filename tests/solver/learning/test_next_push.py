@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.fitting.problem import problem_of
-from solver.fitting.rod_problem import RodProblem, rod_problem_of
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.instrument.beam_shape import FIRST_WIDTH, BeamShape, stated_shape
 from solver.instrument.measurement import Measurement
 from solver.learning.learn import learn_beam
 from solver.learning.next_push import DEFLECTIONS, PLACES, next_push
 from solver.learning.page import summary
+from solver.uniform.problem import problem_of
 from tests.draws import generator
 from tests.simulated import rig
 from tests.tapered import bent, measured
 
 
-def problem_with(shape: BeamShape) -> RodProblem:
+def problem_with(shape: BeamShape) -> FrameProblem:
     measurement = measured(bent(-0.05, 0.7, 0.6), shape, generator(__name__, 2))
-    return rod_problem_of(measurement, problem_of(measurement, with_tip=False))
+    return frame_problem_of(measurement, problem_of(measurement, with_tip=False))
 
 
 def test_a_beam_without_uncertain_parameters_needs_no_push() -> None:

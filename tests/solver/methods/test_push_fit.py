@@ -6,11 +6,10 @@ import pytest
 
 from solver.beams import frictional
 from solver.core.least_squares import fit_rows
-from solver.fitting.problem import problem_of
 from solver.fitting.push_beam import PushFrame
 from solver.fitting.push_geometry import FirstTouch, Touch, touch
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, Push
-from solver.fitting.push_uniform import UniformBeam, UniformPoints
+from solver.fitting.push_uniform import UniformPoints, UniformPush
 from solver.fitting.sliding import ratio_matrix
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.fitting.values import shape_quantities
@@ -19,6 +18,7 @@ from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.push_fit import push_fit, push_fit_friction
+from solver.uniform.problem import problem_of
 from tests.consistency import MOST_SIGMAS, nees
 from tests.draws import generator
 from tests.oracle import oracle
@@ -587,7 +587,7 @@ def joint_push(
     push_frames = (*last.earlier, last)
     frames = tuple(PushFrame(one.motor_angle or 0.0) for one in push_frames)
     points = [UniformPoints(problem_of(one, with_tip=False), 1.0) for one in push_frames]
-    beam = UniformBeam(tuple(points), last.rig, last.base_covariance)
+    beam = UniformPush(tuple(points), last.rig, last.base_covariance)
     pushing = np.radians(angles_deg)
     matrix = ratio_matrix(pushing, [False] * len(angles_deg), ENCODER_SIGMA, 0.0, 0.0)
     if not friction:

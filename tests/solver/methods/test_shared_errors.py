@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from solver.baselines.linear_fit import linear_fit
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
-from solver.methods.linear_fit import linear_fit
 from solver.methods.push_fit import push_fit
 from tests.simulated import measurement, pushed_points
 

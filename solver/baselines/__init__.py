@@ -1,0 +1,1 @@
+"""The paper's methods, linear theory, and the antenna with a force sensor: for comparison."""

@@ -1,0 +1,134 @@
+"""Fit a beam of changing section to one frame: least squares, robust where residuals require it.
+
+Plain least squares comes first; its result is kept if the residuals look like noise. Otherwise
+Tukey's biweight is used, with a cut that decreases from the scale of the residuals to that of the
+stated sigmas (graduated non-convexity; Blake and Zisserman 1987): before the section is fitted,
+residuals are large everywhere, and no point may be rejected for that.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.core.least_squares import (
+    CONVERGED,
+    DEFICIENT,
+    STOPPED,
+    Block,
+    Minimum,
+    NormalEquations,
+    Rows,
+    minimise,
+    normal_equations,
+)
+from solver.core.robust import MEDIAN, VARIANCE_FACTOR, scale, tukey
+from solver.core.thresholds import THRESHOLDS
+from solver.fitting.frame_problem import FrameProblem
+from solver.instrument.arrays import Floats
+from solver.instrument.medians import TUKEY_CUT
+from solver.uniform.fit import FrameFit
+from solver.uniform.frame_fit import variance_inflation
+
+# Largest number of times that the cut is reduced. Chosen: as often as it is halved from residuals
+# of 500 sigmas; larger ones come from points of no beam, or from sigmas that are far too small.
+_MOST_CUTS: Final = 9
+
+
+class LeastSquares(NamedTuple):
+    """Parameters `p` (p,) at a minimum, and the sum of squares there with the prior."""
+
+    p: Floats
+    objective: float
+
+
+def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
+    """Fit from the parameters `start` (p,); return None if no beam has their shape.
+
+    The result has the parameters of `beam_residuals`; fixed ones have no covariance. Points are in
+    the order of `problem`.
+    """
+    first = _minimise(problem, start, np.inf)
+    if first is None:
+        return None
+    at, status, iterations = first
+    residual = at.rows[0].residual
+    count = len(residual)
+    dof = max(count - 2, 1)
+    # As in `frame_fit`: six sigmas of chi2 detect a run of outliers that has biased the fit.
+    limit = dof * (1 + 6 * math.sqrt(2 / dof))
+    kept = np.ones(count, dtype=np.bool_)
+    robust = at.objective > limit or np.abs(residual).max() > THRESHOLDS.suspicious_sigmas
+    if robust or status == STOPPED:
+        cut = TUKEY_CUT
+        largest = float(np.median(np.abs(residual))) / MEDIAN
+        halvings = max(math.ceil(math.log2(max(largest, 1.0))), 2)
+        for power in np.linspace(halvings, 0, min(halvings, _MOST_CUTS) + 1):
+            at, status, extra = _minimise(problem, at.p, 2.0**power * cut) or first
+            iterations += extra
+        inflation = scale(at.rows[0].residual, THRESHOLDS.max_scale)
+        if inflation > THRESHOLDS.min_scale:
+            cut *= inflation
+            at, status, extra = _minimise(problem, at.p, cut) or first
+            iterations += extra
+        residual = at.rows[0].residual
+        kept = np.abs(residual) < cut
+        at = _system(
+            problem, at.p, at.rows[0], kept.astype(float), float(residual[kept] @ residual[kept])
+        )
+    inverse = at.inverse()
+    covariance = np.zeros((len(at.p), len(at.p)))
+    inflation = variance_inflation(np.ascontiguousarray(residual[kept]), at.objective)
+    if inverse is None:
+        status = DEFICIENT
+    else:
+        efficiency = VARIANCE_FACTOR if robust else 1.0
+        covariance[np.ix_(problem.free, problem.free)] = inverse * (efficiency * inflation)
+    return FrameFit(at.p, covariance, status, at.objective, kept, iterations, inflation)
+
+
+def least_squares(problem: FrameProblem, start: Floats) -> LeastSquares | None:
+    """Minimise the sum of squares from the parameters `start` (p,).
+
+    Return None if no beam has the shape of the start, or if the iteration does not converge.
+    """
+    minimum = _minimise(problem, start, np.inf)
+    if minimum is None or minimum.status != CONVERGED:
+        return None
+    return LeastSquares(minimum.at.p, minimum.at.objective)
+
+
+def _minimise(problem: FrameProblem, start: Floats, cut: float) -> Minimum | None:
+    """Minimise with Tukey's weights, none for a cut of infinity; None if the start has no shape."""
+
+    def system(p: Floats) -> NormalEquations | None:
+        rows = residuals_at(problem, p)
+        if rows is None:
+            return None
+        weight = np.ones(len(rows.residual))
+        residual = rows.residual
+        chi2 = tukey(residual, cut, weight) if cut < np.inf else residual @ residual
+        return _system(problem, p, rows, weight, float(chi2))
+
+    def moved(p: Floats, step: Floats) -> Floats | None:
+        trial = problem.moved(p, step)
+        return trial if all(0 < trial[i] < 2 * p[i] for i in problem.beam.positive) else None
+
+    return minimise(system, start, moved)
+
+
+def _system(
+    problem: FrameProblem, p: Floats, rows: Rows, weight: Floats, chi2: float
+) -> NormalEquations:
+    block = Block(rows, np.arange(len(p)), weight, chi2)
+    return normal_equations(p, problem.free, problem.mean, problem.information, (block,))
+
+
+def residuals_at(problem: FrameProblem, p: Floats) -> Rows | None:
+    """Compute residuals (n,) and their Jacobian (p, n) in sigmas; None if there is no shape."""
+    count, own = len(problem.shared), len(p) - problem.shared.shape[1]
+    residual, jacobian = np.empty(count), np.empty((len(p), count))
+    exists = problem.residuals(p[:own], residual, jacobian[:own])
+    jacobian[own:] = problem.shared.T
+    residual += problem.shared @ p[own:]
+    return Rows(residual, jacobian) if exists else None

@@ -1,0 +1,144 @@
+"""Tip and moment sensor as constraints on a beam of changing section in an unknown plane."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solver.beams.beam import S_C, BentBeam
+from solver.fitting.frame_problem import FrameProblem
+from solver.instrument.arrays import Floats
+from solver.instrument.small_matrices import whitening
+from solver.uniform.constraints import TIP_COLUMNS
+from solver.uniform.problem import Problem
+from solver.uniform.residuals import (
+    MOMENT,
+    MOMENT_SIGMA,
+    MOMENT_UNIT,
+    RIGIDITY_SIGMA,
+    STRETCH_SIGMA,
+)
+
+
+@dataclass(frozen=True)
+class SpatialProblem(FrameProblem):
+    """Points of a frame whose plane is unknown, with the tip (k, 6), k = 0 or 1, as in `Problem`.
+
+    `moments` (m, 2) has one row if there is a moment sensor: the moment about y that one unit of
+    the moment at the clamp would have, were it in that direction, and the reading, both over the
+    sigma of the reading and of EI. The last 2 k + m residuals are those of tips and moment.
+    """
+
+    tips: Floats = field(default_factory=lambda: np.zeros((0, TIP_COLUMNS)))
+    moments: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
+        """Write the residuals (n + 2 k + m,), and their Jacobian by shape and pose p."""
+        n = self.points.shape[1]
+        of_points, by_points = np.empty(n), np.empty((len(p), n))
+        exists = super().residuals(p, of_points, by_points)
+        residual[:n], jacobian[:, :n] = of_points, by_points
+        bent = self.bent(p) if exists else None
+        if bent is not None:
+            for i, tip in enumerate(self.tips):
+                rows = slice(n + 2 * i, n + 2 * i + 2)
+                residual[rows], jacobian[:, rows] = self._tip(p, bent, tip)
+            for unit, reading in self.moments:
+                row, by_row = self._moment(p, bent)
+                residual[-1], jacobian[:, -1] = unit * row - reading, unit * by_row
+        return exists
+
+    def _moment(self, p: Floats, bent: BentBeam) -> tuple[float, Floats]:
+        """Compute the moment about y [EI / L], -M sin(psi) of eq. (27), and its gradient (p,)."""
+        psi = self.parameters["psi"]
+        sine, gradient = math.sin(p[psi]), np.zeros(len(p))
+        gradient[: len(bent.by_moment)] = -sine * bent.by_moment
+        gradient[psi] = -bent.moment * math.cos(p[psi])
+        return -sine * bent.moment, gradient
+
+    def _tip(self, p: Floats, bent: BentBeam, tip: Floats) -> tuple[Floats, Floats]:
+        """Compute the predicted less the measured image of the tip (2,), whitened; Jacobian."""
+        at, size = self.parameters, len(bent.by_moment)
+        dx, dy, psi = at["dx"], at["dy"], at["psi"]
+        (_, theta, x_c, y_c, s_c, _), by = bent.contacts[-1], bent.by_contacts[-1]
+        # The tip is where it is at rest, wherever the beam begins to bend.
+        straight = 1 - float(self.mean[dx]) - s_c
+        sine, cosine = math.sin(theta), math.cos(theta)
+        # In the plane of deflection; the end of the beam is straight but for its bow.
+        x, y = x_c + straight * cosine, y_c + straight * sine
+        by_x, by_y, by_turn = np.zeros(len(p)), np.zeros(len(p)), np.zeros(len(p))
+        by_x[:size] = by[2] - straight * sine * by[1]
+        by_y[:size] = by[3] + straight * cosine * by[1]
+        by_x[S_C] -= cosine
+        by_y[S_C] -= sine
+        tilt, softness = at["tilt"], at["softness"]
+        turn = p[tilt] + p[softness] * bent.moment
+        by_turn[:size] = p[softness] * bent.by_moment
+        by_turn[tilt], by_turn[softness] = 1.0, bent.moment
+        # Inclined by psi, turned with the clamp, and projected along the ray to plane C.
+        cos_psi, sin_psi = math.cos(p[psi]), math.sin(p[psi])
+        side, height = y * cos_psi, y * sin_psi
+        by_side, by_height = by_y * cos_psi, by_y * sin_psi
+        by_side[psi], by_height[psi] = -height, side
+        c, s = math.cos(turn), math.sin(turn)
+        point = np.array([c * x - s * side + p[dx], s * x + c * side + p[dy]])
+        by_point = np.array(
+            [
+                c * by_x - s * by_side - (s * x + c * side) * by_turn,
+                s * by_x + c * by_side + (c * x - s * side) * by_turn,
+            ]
+        )
+        by_point[0, dx] += 1.0
+        by_point[1, dy] += 1.0
+        view = self.view
+        below = 1 - view[2] * height
+        fraction, by_fraction = height / below, by_height / below**2
+        ray = view[:2] - view[2] * point
+        error = point - fraction * ray - tip[:2]
+        by_error = by_point * (1 + fraction * view[2]) - np.outer(ray, by_fraction)
+        whitener = tip[2:6].reshape(2, 2)
+        return whitener @ error, (whitener @ by_error).T
+
+
+def spatial(rod: FrameProblem, problem: Problem) -> SpatialProblem:
+    """Return the problem of a frame with unknown psi, with tips and moment of `problem`.
+
+    The error of the length up to the tip is a part of the tip's, along the end of the beam; that
+    of EI is a part of the moment's.
+    """
+    tips, known = problem.arrays.tips.copy(), problem.arrays.known
+    direction = _end(rod)
+    for tip in tips:
+        inverse = np.linalg.inv(tip[2:6].reshape(2, 2))
+        stretch = known[STRETCH_SIGMA] * direction
+        tip[2:6] = whitening(inverse @ inverse.T + np.outer(stretch, stretch)).ravel()
+    psi = rod.parameters["psi"]
+    information = rod.information.copy()
+    if information[psi, psi] > 0:  # the marginal information of the others
+        information -= np.outer(information[psi], information[psi]) / information[psi, psi]
+    information[psi] = information[:, psi] = 0.0
+    moments = np.zeros((0, 2))
+    if known[MOMENT_SIGMA] > 0:
+        sigma = math.hypot(known[MOMENT_SIGMA], known[RIGIDITY_SIGMA] * known[MOMENT])
+        moments = np.array([[known[MOMENT_UNIT], known[MOMENT]]]) / sigma
+    constraints = 2 * len(tips) + len(moments)
+    shared = np.vstack([rod.shared, np.zeros((constraints, rod.shared.shape[1]))])
+    return SpatialProblem(
+        points=rod.points,
+        view=rod.view,
+        beam=rod.beam,
+        shared=shared,
+        mean=rod.mean,
+        information=information,
+        free=np.union1d(rod.free, [psi]),
+        own_errors=rod.own_errors,
+        tips=tips,
+        moments=moments,
+    )
+
+
+def _end(rod: FrameProblem) -> Floats:
+    """Compute the direction (2,) of the beam's end in the image."""
+    x, y = rod.points[:2, -max(rod.points.shape[1] // 20, 2) :]
+    along = np.array([x[-1] - x[0], y[-1] - y[0]])
+    return np.asarray(along / max(float(np.hypot(*along)), 1e-12))
