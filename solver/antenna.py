@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from solver.at_rest.learn import AtRest
-from solver.at_rest.pose import Rest
+from solver.at_rest.learn import RestState
+from solver.at_rest.rest_line import RestLine
 from solver.calibrate import Calibration
 from solver.centreline.extractor import Extractor
 from solver.instrument.arrays import Floats
@@ -32,13 +32,13 @@ class Antenna:
 
     rig: Rig
     calibration: Calibration
-    at_rest: AtRest
+    at_rest: RestState
     clamp_sigma: float = 0.0
     scale_sigma: float = 0.0
     scale: GrayScale = EIGHT_BIT
 
     @property
-    def rest(self) -> Rest:
+    def rest(self) -> RestLine:
         """The beam's line at rest."""
         return self.at_rest.rest
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.antenna import Antenna
 from solver.at_rest.course import course_of
-from solver.at_rest.pose import Rest
+from solver.at_rest.rest_line import RestLine
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
 from solver.instrument.image_frame import NO_READINGS, Readings
@@ -153,7 +153,7 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
     return Tip(tip, covariance)
 
 
-def _bow_error(points: Floats, rest: Rest) -> float:
+def _bow_error(points: Floats, rest: RestLine) -> float:
     """Estimate the relative scale uncertainty left after removing the bow.
 
     A bow also moves the bent beam along itself, by about its size times the slope there, and

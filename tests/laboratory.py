@@ -6,8 +6,8 @@ import numpy as np
 
 from solver.antenna import Antenna
 from solver.at_rest.landmarks import learn_landmarks
-from solver.at_rest.learn import AtRest, learn_at_rest
-from solver.at_rest.pose import Rest
+from solver.at_rest.learn import RestState, learn_at_rest
+from solver.at_rest.rest_line import RestLine
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
 from solver.centreline.extractor import learn_profile_fit
@@ -40,18 +40,20 @@ def rig() -> Rig:
     return replace(reference(), beam=beam, telecentric=True)
 
 
-def at_rest(images: list[Grey], seen_by: Guide = GUIDE) -> AtRest:
+def at_rest(images: list[Grey], seen_by: Guide = GUIDE) -> RestState:
     """What images (height, width) of the beam at rest teach. Raises InputError."""
     return learn_at_rest(
         images, seen_by, learn_profile_fit, Calibration(seen_by.camera, 0.02), rig()
     )
 
 
-def antenna_with(rest: Rest) -> Antenna:
+def antenna_with(rest: RestLine) -> Antenna:
     """An antenna whose course at rest is `rest`, without landmarks in view."""
     even = np.full((HEIGHT, WIDTH), 50, np.uint8)
     marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, NOISE)
-    return Antenna(rig(), CALIBRATION, AtRest(Blind(), rest, marks, NOISE, None, None, 0, (), 0.0))
+    return Antenna(
+        rig(), CALIBRATION, RestState(Blind(), rest, marks, NOISE, None, None, 0, (), 0.0)
+    )
 
 
 def antenna(images: list[Grey]) -> Antenna:

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.at_rest.pose import Rest
+from solver.at_rest.rest_line import RestLine
 from solver.baselines.linear_fit import linear_fit
 from solver.baselines.two_point import contact_distance, two_point
 from solver.centreline.extractors import EXTRACTORS
@@ -69,7 +69,7 @@ def without_nuisances(antenna: Antenna) -> Antenna:
     tolerances = replace(
         rig.tolerances, base_position=0.0, board_translation=0.0, board_rotation=0.0
     )
-    stated = Rest(
+    stated = RestLine(
         y_at_clamp=float(rig.base_position[1]),
         slope=0.0,
         bow=np.zeros(3),

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from solver.at_rest.pose import Rest
+from solver.at_rest.rest_line import RestLine
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import dot
@@ -38,7 +38,7 @@ class Course(NamedTuple):
     bow_errors: Floats
 
 
-def course_of(points: Floats, rest: Rest, rig: Rig) -> Course | None:
+def course_of(points: Floats, rest: RestLine, rig: Rig) -> Course | None:
     """Compute the course of the beam with points (n, 2) [m] on C; None for too few points.
 
     A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc

@@ -12,7 +12,7 @@ import numpy as np
 
 from solver.at_rest.landmarks import Landmarks, learn_landmarks
 from solver.at_rest.motion import moved
-from solver.at_rest.pose import Rest, disagreements, learn_rest
+from solver.at_rest.rest_line import RestLine, disagreements, learn_rest
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
@@ -37,7 +37,7 @@ BEYOND_TIP = 1.08
 
 
 @dataclass(frozen=True)
-class AtRest:
+class RestState:
     """Results learned from the rest images.
 
     `noise` is that of the gray values, `copies` counts the images that repeat another one,
@@ -49,7 +49,7 @@ class AtRest:
     """
 
     extract: Extractor
-    rest: Rest
+    rest: RestLine
     landmarks: Landmarks
     noise: Noise
     tip: Floats | None
@@ -62,7 +62,7 @@ class AtRest:
 
 def learn_at_rest(
     images: Sequence[Grey], guide: Guide, learn: Learn, calibration: Calibration, rig: Rig
-) -> AtRest:
+) -> RestState:
     """Learn the beam at rest from gray images (height, width) of it.
 
     `learn` makes the extractor. Raises InputError where the images show no beam, show it in
@@ -90,7 +90,7 @@ def learn_at_rest(
     tip, tip_covariance = _mean_tip(lines)
     copies = len(images) - len(distinct)
     seen = _length_seen(extract, used[0]) if tip is None else None
-    return AtRest(
+    return RestState(
         extract, rest, landmarks, noise, tip, tip_covariance, copies, outliers, largest, seen
     )
 
@@ -118,7 +118,7 @@ def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None
 
 
 def _check_direction(
-    rest: Rest, extract: Extractor, image: Grey, line: Centreline, rig: Rig
+    rest: RestLine, extract: Extractor, image: Grey, line: Centreline, rig: Rig
 ) -> None:
     """Reject a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
     key = "board.antenna_from_board_rotation_vector_deg"
@@ -199,7 +199,7 @@ def _placing_error(
     )
 
 
-def _path(rest: Rest, calibration: Calibration, rig: Rig) -> Floats:
+def _path(rest: RestLine, calibration: Calibration, rig: Rig) -> Floats:
     """Compute pixels (n, 2) of the beam at rest, from its clamp to beyond its tip."""
     x = np.linspace(0.0, BEYOND_TIP * rig.beam.length, 100)
     y = rest.y_at_clamp + rest.slope * x + rest.bow_at(np.minimum(x, rest.length))[0]

@@ -21,7 +21,7 @@ from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile, tilt_response
 from solver.centreline.profile_fit import MARGIN
 from solver.centreline.rest_columns import RestColumns, Shape, check_count
-from solver.centreline.rest_line import find_rest_line
+from solver.centreline.rest_detection import find_rest_line
 from solver.centreline.second_line import SecondLine
 from solver.centreline.section_on_ground import section_on_ground
 from solver.centreline.section_search import find_sections

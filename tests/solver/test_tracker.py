@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from solver.antenna import Antenna
-from solver.at_rest.pose import Rest
+from solver.at_rest.rest_line import RestLine
 from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
@@ -58,7 +58,7 @@ def test_a_tip_of_any_kind_is_where_the_beam_ends(kind: str) -> None:
 
 def bowed(bow: Floats) -> Antenna:
     """An antenna whose beam at rest has a bow (3,), known exactly, and nothing else in view."""
-    return antenna_with(Rest(0.0, 0.0, bow, np.zeros((5, 5)), LENGTH))
+    return antenna_with(RestLine(0.0, 0.0, bow, np.zeros((5, 5)), LENGTH))
 
 
 def nothing() -> Centreline:

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from solver.at_rest.course import MIN_POINTS, course_of
-from solver.at_rest.pose import Rest
+from solver.at_rest.rest_line import RestLine
 from solver.instrument.arrays import Floats
 from tests.draws import generator
 from tests.simulated import rig
@@ -15,7 +15,7 @@ from tests.simulated import rig
 LENGTH = 0.24
 RANDOM = generator(__name__, 2)
 MODES = 1e-5 * RANDOM.standard_normal((5, 5)) * np.array([1, 10, 1, 1, 1])[:, None]
-REST = Rest(1e-4, 0.01, np.array([1e-5, 2e-5, -1e-5]), MODES @ MODES.T, LENGTH)
+REST = RestLine(1e-4, 0.01, np.array([1e-5, 2e-5, -1e-5]), MODES @ MODES.T, LENGTH)
 
 
 def bent(x: Floats) -> Floats:

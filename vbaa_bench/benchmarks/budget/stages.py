@@ -15,7 +15,7 @@ from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
 from vbaa_bench.benchmarks.budget.true_world import TrueWorld, with_nominal_board
 
-# Terms of `solver.at_rest.pose.Rest`: a line and a bow of the powers 2 to 4.
+# Terms of `solver.at_rest.rest_line.RestLine`: a line and a bow of the powers 2 to 4.
 _TERMS: Final = 5
 
 

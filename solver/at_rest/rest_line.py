@@ -38,7 +38,7 @@ _PARABOLA = 1 / math.sqrt(180)
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestLine:
     """The beam before contact, on plane C: y = y_at_clamp + slope x + bow(x), x from the clamp [m].
 
     `bow` (3,) are the coefficients of x^2, x^3, x^4 in units of the beam's `length` [m]; they are
@@ -101,7 +101,7 @@ class Rest:
             return 0.0
         return share_that_follows(s, self.pattern_at(s), beside, sigma)
 
-    def following(self, share: float) -> "Rest":
+    def following(self, share: float) -> "RestLine":
         """Return the course whose pattern belongs to the beam, but for the part 1 - `share`.
 
         What moves with the beam is no error of its course.
@@ -132,7 +132,7 @@ class Rest:
         values, vectors = np.linalg.eigh(self.covariance / np.outer(unit, unit))
         return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
-    def without_bow(self) -> "Rest":
+    def without_bow(self) -> "RestLine":
         """Drop the bow and its uncertainty; the line and its covariance stay."""
         covariance = np.zeros((5, 5))
         covariance[:2, :2] = self.line_covariance
@@ -149,7 +149,7 @@ class Rest:
         return curve, curve[:, :2]
 
 
-def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> Rest:
+def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> RestLine:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
     The covariance follows from the points' own scatter. Raises InputError where the images show
@@ -172,7 +172,7 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     return replace(rest, pattern=pattern, noise_covariance=bowed.noise_covariance)
 
 
-def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, rig: Rig) -> Rest:
+def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, rig: Rig) -> RestLine:
     """Choose a line, or a bow where there is one, by what each leaves of the points (n,) [m]."""
     length = rig.beam.length
     line = np.column_stack([np.ones_like(x), x])
@@ -188,11 +188,11 @@ def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, rig:
             return _hardly_bowed(bowed, straight, gain, _small_bow(rig, mean.pixel), length)
         bend = float(np.abs(curve @ (c - s)).max())
         if gain > THRESHOLDS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
-            return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
+            return RestLine(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
         # Uniform from straight to fully bowed: the second moment about zero.
         covariance += np.outer(c - s, c - s) / 3
-        return Rest(float(s[0]), float(s[1]), s[2:], covariance, length, bow_undecided=True)
-    return Rest(float(s[0]), float(s[1]), s[2:], covariance, length)
+        return RestLine(float(s[0]), float(s[1]), s[2:], covariance, length, bow_undecided=True)
+    return RestLine(float(s[0]), float(s[1]), s[2:], covariance, length)
 
 
 def _small_bow(rig: Rig, pixel: float) -> float:
@@ -205,7 +205,7 @@ def _small_bow(rig: Rig, pixel: float) -> float:
 
 def _hardly_bowed(
     bowed: LinearFit, straight: LinearFit, gain: float, small: float, length: float
-) -> Rest:
+) -> RestLine:
     """Return the beam whose bow is within the noise, with the bow that it may have.
 
     Errors of the calibration as small as the noise would still move the contact of a beam that is
@@ -227,7 +227,7 @@ def _hardly_bowed(
         about_line[:2] -= line_through
         covariance = about_line @ covariance @ about_line.T
         covariance[:2, :2] += straight.covariance
-    return Rest(float(c[0]), float(c[1]), c[2:], (covariance + covariance.T) / 2, length)
+    return RestLine(float(c[0]), float(c[1]), c[2:], (covariance + covariance.T) / 2, length)
 
 
 def disagreements(lines: Sequence[Centreline]) -> Floats:

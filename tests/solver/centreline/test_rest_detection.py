@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 from solver.centreline.appearance import learn_appearance
 from solver.centreline.extractor import BeamExtractor
 from solver.centreline.guide import Guide
-from solver.centreline.rest_line import find_rest_line
+from solver.centreline.rest_detection import find_rest_line
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from tests.beam_images import (

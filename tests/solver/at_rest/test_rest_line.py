@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.at_rest.pose import SMALL_BOW_PX, disagreements, learn_rest
+from solver.at_rest.rest_line import SMALL_BOW_PX, disagreements, learn_rest
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
 from solver.instrument.beam_shape import UNIFORM

@@ -32,7 +32,7 @@ MATCHED_PX = 1.0
 FINE_PX = np.arange(-2.0, 2.25, 0.5)
 
 
-class RestLine(NamedTuple):
+class RestDetection(NamedTuple):
     """The beam at rest: `places` (n, 2) [m] of the beam's frame.
 
     `polarity` is 1 for a beam brighter than its ground, and -1 for a darker one; `width` is that of
@@ -45,7 +45,7 @@ class RestLine(NamedTuple):
     second: SecondLine | None
 
 
-def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestLine | None:
+def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestDetection | None:
     """Find the beam in the mean image (height, width) of it at rest; return None without any.
 
     `widths` are trial widths over the rig's diameter. Of the lines whose contrast exceeds the
@@ -64,7 +64,7 @@ def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestLi
     radius = line.width * guide.radius_px
     means = across(sheet, line, radius)
     second = None if means is None else find_second_line(means, line.polarity, radius)
-    return RestLine(places, line.polarity, line.width, second)
+    return RestDetection(places, line.polarity, line.width, second)
 
 
 def _trials(guide: Guide, step: float) -> tuple[Floats, Floats]:
