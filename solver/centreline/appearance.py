@@ -86,7 +86,7 @@ class Appearance:
         weights = np.array([beside, on_beam])
         return tilt_response(self.profile, self.section, weights, self.half)
 
-    @property
+    @cached_property
     def _amplitude(self) -> float:
         return float(np.median(self.amplitude))
 

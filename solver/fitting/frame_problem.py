@@ -15,6 +15,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW, SKEW, BeamShape, Friction
 from solver.instrument.estimate import Assumption
 from solver.instrument.measurement import Measurement, RestBow
+from solver.instrument.medians import median
 from solver.uniform.fit import FrameFit
 from solver.uniform.problem import Problem
 from solver.uniform.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y
@@ -258,7 +259,7 @@ def reflection(points: Floats, radius: float) -> float:
     """Compute the sigma of the shift by reflected light, in sigmas of the points (4, n)."""
     if not points.shape[1]:
         return 0.0
-    sigma = float(np.median(np.hypot(points[SIGMA_X], points[SIGMA_Y])))
+    sigma = median(np.hypot(points[SIGMA_X], points[SIGMA_Y]))
     return REFLECTED * radius / max(sigma, LEAST_SIGMA)
 
 

@@ -66,12 +66,13 @@ def neighbours_of(problem: FrameProblem, p: Floats, kept: Floats) -> Neighbours 
     if not (unit > 0).all():
         return None
     by_free, normal = by_free / unit[:, None], normal / np.outer(unit, unit)
-    # At the least squares of these points, from which a robust fit differs.
     pull = (information @ (p - problem.mean))[free] / unit
-    residual -= by_free.T @ np.linalg.lstsq(normal, by_free @ residual + pull)[0]
     hats = _hats(problem)[used]
     mixed = by_free @ hats
-    left = hats.T @ hats - mixed.T @ np.linalg.lstsq(normal, mixed)[0]
+    taken = np.linalg.lstsq(normal, np.column_stack([by_free @ residual + pull, mixed]))[0]
+    # At the least squares of these points, from which a robust fit differs.
+    residual -= by_free.T @ taken[:, 0]
+    left = hats.T @ hats - mixed.T @ taken[:, 1:]
     roots = np.array([_root(length) for length in LENGTHS])
     left = np.swapaxes(roots, 1, 2) @ left @ roots
     values, vectors = np.linalg.eigh((left + np.swapaxes(left, 1, 2)) / 2)
