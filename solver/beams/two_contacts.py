@@ -1,16 +1,16 @@
 """Exact beam of a changing section, bowed at rest, with two contacts and friction: integrated.
 
-Beyond the outer contact the beam is that of `rod`, whose frame, width and bow are those used here;
+Beyond the outer contact the beam is that of `integrated`, with the same frame, width and bow;
 between the contacts it carries the outer force, and from the inner contact to the clamp both, so
 that with the inner force's lever arm h
 
     u' = cos(psi),    P' = sin(psi),    psi' = (Q_o u + Q_i h) / w(s)^4 + b(s)
 
 (Antman 2005, ch. IV). Both forces may have either sign. Where one of them vanishes this is the beam
-of `rod`; where their sum vanishes nothing is singular.
+of `integrated`; where their sum vanishes nothing is singular.
 
-All lengths are in units of the beam's length. A shape has the parameters of `rod`, those of the
-outer contact, and then (q_i, s_i, ratio_i) of the inner one. This module is compiled.
+All lengths are in units of the beam's length. A shape has the parameters of `integrated`, those of
+the outer contact, and then (q_i, s_i, ratio_i) of the inner one. This module is compiled.
 """
 
 from typing import Any, Final, NamedTuple
@@ -40,9 +40,9 @@ from solver.instrument.compiled import njit
 Q_INNER, S_INNER, FRICTION_RATIO_INNER = -3, -2, -1
 INNER_PARAMETERS: Final = 3
 # Steps on either side of the inner contact. Measured: the error of a contact's place is 1e-8 for a
-# uniform beam bent by 40 degrees. As in `rod`, neither a literal nor a default value.
+# uniform beam bent by 40 degrees. As in `integrated`, neither a literal nor a default value.
 STEPS: Final[Any] = np.int64(16)
-# Entries of a contact, those of `rod.contact_of`: force over EI, tangent's angle, x, y, s, lean.
+# Entries of a contact, as in `beam.BentBeam`: force over EI, tangent's angle, x, y, s, lean.
 CONTACT: Final = 6
 
 
@@ -102,8 +102,8 @@ def _inner_force(
 def two_contacts_of(p: Floats, widths: int, radius: float, steps: Any) -> TwoContacts:
     """Integrate the shape with parameters p (k,), with `steps` on either side of the inner contact.
 
-    `widths` and `radius` are those of `rod.curve_of`. The curve has the nodes beyond the tip, at
-    the outer contact, and back to the clamp; a contact has one on either side, as in `curve_of`.
+    `widths` and `radius` are those of `integrated.curve_of`. The curve has the nodes beyond the
+    tip, at the outer contact, and back to the clamp; a contact has one on either side, as there.
     """
     k, bow = len(p), WIDTHS + widths
     bow_end, s_inner = k - INNER_PARAMETERS, k + S_INNER
@@ -139,7 +139,7 @@ def two_contacts_of(p: Floats, widths: int, radius: float, steps: Any) -> TwoCon
 def contacts_of(shape: TwoContacts, p: Floats) -> tuple[Floats, Floats]:
     """Compute both contacts (2, 6), the inner one first, and their gradients (2, 6, k).
 
-    Each is (force over EI, theta, x, y, s, lean) in the clamp's frame, as in `rod.contact_of`: the
+    Each is (force over EI, theta, x, y, s, lean) in the clamp's frame, as in `beam.BentBeam`: the
     force is positive to the side of +y.
     """
     k = len(p)

@@ -8,8 +8,9 @@ share,
     log of the focal length [px], and k1
     softness of the clamp, widths and bow of the beam, as in `beams.beam`
 
-followed by the photograph's own: load, place and friction ratio of the contact as in `rod`, tilt of
-the beam in its clamp, and the view. The friction ratio of a weight follows from its direction.
+followed by the photograph's own: load, place and friction ratio of the contact as in `beams.beam`,
+tilt of the beam in its clamp, and the view. The friction ratio of a weight follows from its
+direction.
 """
 
 import math
