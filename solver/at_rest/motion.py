@@ -13,7 +13,7 @@ from solver.at_rest.thresholds import THRESHOLDS
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats, Grey
 
-# Terms of the motion along the beam, as in `pose.disagreements`.
+# Terms of the motion along the beam, as in `rest_line.disagreements`.
 _TERMS = 4
 # Pixels beside the beam's edges that are compared. Chosen: a blurred edge is that wide.
 _MARGIN_PX = 3

@@ -27,6 +27,10 @@ CONTACT: Final = (("q", 1), ("s_c", 1), ("friction_ratio", 1))
 CLAMP: Final = (("psi", 1), ("dx", 1), ("dy", 1), ("tilt", 1), ("softness", 1))
 
 
+# The block of errors that many points share, which follows the clamp's parameters.
+ERRORS: Final = "errors"
+
+
 class Prior(NamedTuple):
     """Mean of a parameter of a beam's own, before any image, and its sigma, 0 if it is certain."""
 
@@ -58,6 +62,11 @@ class Radius(NamedTuple):
 
     value: float
     gradient: Floats
+
+
+def with_clamp(parameters: Parameters) -> Parameters:
+    """Return the parameters of a shape, followed by the clamp's."""
+    return parameters.followed_by(*CLAMP)
 
 
 class Beam(Protocol):

@@ -28,6 +28,10 @@ class IntegratedBeam:
     @cached_property
     def parameters(self) -> Parameters:
         """Those of the contact, of the width and of the bow."""
+        return self.of_section()
+
+    def of_section(self) -> Parameters:
+        """Return the parameters of the contact, of the width and of the bow."""
         return Parameters((*CONTACT, ("widths", self.widths), ("bow", self.bow)))
 
     @property

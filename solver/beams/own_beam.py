@@ -6,15 +6,16 @@ Gradients are central differences. All lengths are in units of the beam's length
 the clamp's tangent: x along it, y to the side to which contact bends the beam.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from solver.beams.beam import FRICTION_RATIO, S_C, BentBeam, Q
+from solver.beams.beam import ERRORS, FRICTION_RATIO, S_C, BentBeam, Prior, Q, with_clamp
 from solver.beams.curve import END, MOST_ANGLE, Curve
 from solver.beams.integrated_beam import IntegratedBeam
 from solver.beams.steps import straight_in_moments
@@ -29,6 +30,8 @@ _STEPS: Final = 32
 # by 40 degrees takes 20.
 _TOLERANCE: Final = 1e-13
 _MAX_ITERATIONS: Final = 80
+# Part of a panel from its end to its first place. Chosen: the error is this part of the curvature.
+_INSIDE: Final = 1e-9
 # Step of differences. Chosen: rounding and truncation change a gradient by about 1e-8.
 _STEP: Final = 1e-5
 
@@ -37,7 +40,8 @@ class Line(NamedTuple):
     """Lines of v beams at m arc lengths: `s`, `x`, `y` (v, m), and the tangent's angle (v, m).
 
     The contact is at the index `contact`, and again at the next one, where the part without load
-    begins; the last arc length is a little beyond the tip, which is at s = 1.
+    begins. Arc lengths of breaks are doubled too, with one value on either side. The last arc
+    length is a little beyond the tip, which is at s = 1.
     """
 
     s: Floats
@@ -54,34 +58,57 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class OwnBeam(IntegratedBeam):
-    """A beam whose curvature a subclass states, as a `Beam`.
+    """A beam whose curvature or stiffness a subclass states, as a `Beam`.
 
     It has the width, bow and contact of `IntegratedBeam`. `prior` may name more parameters.
+    `breaks` are arc lengths at which the curvature jumps, besides the contact's.
     """
+
+    breaks: ClassVar[tuple[float, ...]] = ()
 
     @cached_property
     def parameters(self) -> Parameters:
-        """Those of the contact, of the width and of the bow, and then those of the `prior`."""
-        return super().parameters.followed_by(*((name, 1) for name in self.prior))
+        """Those of the contact, of the width and of the bow, and then those of the `prior`.
+
+        Raises ValueError if the prior has a name that is taken, or is not a mean and a sigma.
+        """
+        shared = self.of_section()
+        taken = with_clamp(shared)
+        for name, prior in self.prior.items():
+            if name in taken or name == ERRORS:
+                raise ValueError(f"prior of '{name}': the name is taken; those of a beam are free")
+            if not isinstance(prior, Prior):
+                raise ValueError(f"prior of '{name}' is {prior!r}, allowed is Prior(mean, sigma)")
+            if not (math.isfinite(prior.mean) and 0 <= prior.sigma < math.inf):
+                raise ValueError(f"prior of '{name}' is {prior}, allowed are numbers, sigma >= 0")
+        return shared.followed_by(*((name, 1) for name in self.prior))
 
     def curvature(self, line: Line, p: Mapping[str, Floats]) -> Floats:
         """Compute the curvature (v, m) of v beams that have this line.
 
-        `p` has their parameters by name: (v, 1), and (v, size) of "widths" and "bow". A subclass
-        adds to this one, that of the contact's force and at rest, what else bends the beam: moments
-        over EI at the clamp, over the fourth power of `width`.
+        `p` has their parameters by name: (v, 1), and (v, size) of "widths" and "bow". It is the
+        moment of the contact's force over the `stiffness`, and the curvature at rest. A subclass
+        adds what else bends the beam.
         """
+        return np.asarray(self.by_contact(line, p) / self.stiffness(line, p) + _at_rest(line, p))
+
+    def by_contact(self, line: Line, p: Mapping[str, Floats]) -> Floats:
+        """Compute the moment (v, m) of the contact's force over EI at the clamp."""
         angle, i = line.angle[:, [line.contact]], line.contact
         sine, cosine = np.sin(angle), np.cos(angle)
         # Across the beam and, by friction, along it, on the side from which the force comes.
-        radius = self.radius * self.width(line, p)[:, [i]] * np.sign(p["q"])
+        radius = self.radius * self.width(line, p)[:, [i]]
         arm_x = line.x[:, [i]] + radius * sine - line.x
         arm_y = line.y[:, [i]] - radius * cosine - line.y
         force_x = p["q"] * (p["friction_ratio"] * cosine - sine)
         force_y = p["q"] * (p["friction_ratio"] * sine + cosine)
         moment = arm_x * force_y - arm_y * force_x
         moment[:, i + 1 :] = 0.0
-        return np.asarray(moment / self.width(line, p) ** 4 + _at_rest(line, p))
+        return np.asarray(moment)
+
+    def stiffness(self, line: Line, p: Mapping[str, Floats]) -> Floats:
+        """Compute EI (v, m) over that of the rig at the clamp: the fourth power of the width."""
+        return np.asarray(self.width(line, p) ** 4)
 
     def width(self, line: Line, p: Mapping[str, Floats]) -> Floats:
         """Compute the width (v, m) over that at the clamp."""
@@ -92,7 +119,10 @@ class OwnBeam(IntegratedBeam):
         return np.asarray(np.maximum(width, LEAST_WIDTH))
 
     def bent(self, p: Floats) -> BentBeam | None:
-        """Compute the shape with parameters p (k,); None if no beam has it."""
+        """Compute the shape with parameters p (k,); None if no beam has it.
+
+        Raises ValueError if the curvature is not one number for each place of each beam.
+        """
         inside = 0 < p[S_C] < END and abs(p[FRICTION_RATIO]) < np.tan(MOST_ANGLE)
         if p[Q] < 0 or not inside:
             return None
@@ -101,7 +131,8 @@ class OwnBeam(IntegratedBeam):
         line, curvature, named = self._lines(np.vstack([p, p + steps]))
         if line is None:
             return None
-        return _as_bent(line, curvature, named)
+        moment = (curvature - _at_rest(line, named)) * self.stiffness(line, named)
+        return _as_bent(line, curvature, named, moment[:, 0])
 
     def after_step(self, p: Floats, step: Floats, ray: float) -> Floats:
         """Return shape and clamp (k + 5,) after a step, by linear theory."""
@@ -115,18 +146,33 @@ class OwnBeam(IntegratedBeam):
         """
         at = self.parameters
         named = {name: rows[:, at.span(name)] for name, _ in at.blocks}
-        share, place = np.linspace(0.0, 1.0, _STEPS + 1), named["s_c"]
-        s = np.hstack([place * share, place + (END - place) * share])
-        zero = np.zeros_like(s)
-        line = Line(s, s.copy(), zero, zero, _STEPS)
+        place = named["s_c"]
+        before = sorted(one for one in self.breaks if 0 < one < place[0, 0])
+        beyond = sorted(one for one in self.breaks if place[0, 0] <= one < END)
+        fixed = np.ones_like(place)
+        ends = np.hstack(
+            [0 * fixed, fixed * before, place, fixed * beyond, END * fixed]
+        )  # (v, panels + 1)
+        share = np.linspace(0.0, 1.0, _STEPS + 1)
+        # The first and last places of a panel are inside it: a jump is at its end.
+        share[0], share[-1] = _INSIDE, 1 - _INSIDE
+        lengths = np.diff(ends, axis=1)
+        s = (ends[:, :-1, None] + lengths[:, :, None] * share).reshape(len(rows), -1)
+        zero, contact = np.zeros_like(s), (1 + len(before)) * (_STEPS + 1) - 1
+        line = Line(s, s.copy(), zero, zero, contact)
         for _ in range(_MAX_ITERATIONS):
             curvature = self.curvature(line, named)
-            angle = _integrated(curvature, place)
-            x, y = _integrated(np.cos(angle), place), _integrated(np.sin(angle), place)
+            if np.shape(curvature) != s.shape:
+                raise ValueError(
+                    f"the curvature of {type(self).__name__} has shape {np.shape(curvature)}, "
+                    f"allowed is {s.shape}"
+                )
+            angle = _integrated(curvature, lengths)
+            x, y = _integrated(np.cos(angle), lengths), _integrated(np.sin(angle), lengths)
             moved = max(np.abs(x - line.x).max(), np.abs(y - line.y).max())
             line = line._replace(x=x, y=y, angle=angle)
             if moved < _TOLERANCE:
-                turned = np.abs(angle - angle[:, [_STEPS]])
+                turned = np.abs(angle - angle[:, [contact]])
                 return (line if turned.max() < MOST_ANGLE else None), curvature, named
             if not np.abs(angle).max() < np.pi:
                 break
@@ -140,16 +186,19 @@ def _at_rest(line: Line, p: Mapping[str, Floats]) -> Floats:
     return np.asarray((orders * (orders - 1) * powers * p["bow"][:, None]).sum(axis=-1))
 
 
-def _integrated(rate: Floats, place: Floats) -> Floats:
-    """Integrate a rate (v, m) over the arc length, up to the contact at `place` (v, 1) and on."""
-    before, beyond = np.split(rate, 2, axis=1)
-    first = cumulative_simpson(before, dx=place / _STEPS, axis=1, initial=0.0)
-    last = cumulative_simpson(beyond, dx=(END - place) / _STEPS, axis=1, initial=0.0)
-    return np.hstack([first, first[:, -1:] + last])
+def _integrated(rate: Floats, lengths: Floats) -> Floats:
+    """Integrate a rate (v, m) over the arc length, panel by panel of these lengths (v, n)."""
+    panels = rate.reshape(*lengths.shape, -1)
+    step = lengths[:, :, None] / _STEPS
+    within = cumulative_simpson(panels, dx=step, axis=2, initial=0.0)
+    before = np.cumsum(within[:, :, -1], axis=1) - within[:, :, -1]
+    return np.asarray((within + before[:, :, None]).reshape(rate.shape))
 
 
-def _as_bent(line: Line, curvature: Floats, p: Mapping[str, Floats]) -> BentBeam:
+def _as_bent(line: Line, curvature: Floats, p: Mapping[str, Floats], moment: Floats) -> BentBeam:
     """Convert a line, with those of parameters ahead and behind, to a shape with gradients.
+
+    `moment` (v,) is that at the clamp.
 
     The axes of the curve are along and across the contact's tangent.
     """
@@ -169,7 +218,6 @@ def _as_bent(line: Line, curvature: Floats, p: Mapping[str, Floats]) -> BentBeam
     quantities = np.hstack(
         [p["q"] * root, line.angle[:, [i]], line.x[:, [i]], line.y[:, [i]], p["s_c"], lean]
     )
-    moment = (curvature - _at_rest(line, p))[:, 0]
     curve = Curve(
         nodes=np.ascontiguousarray(nodes),
         gradients=np.ascontiguousarray(gradients),

@@ -1,4 +1,4 @@
-"""A stretch of a bent rod, integrated backwards from a contact: width, bow, moment, steps.
+"""A stretch of a bent beam, integrated backwards from a contact: width, bow, moment, steps.
 
 Width, bow, frame and parameters are those of `integrated`. The moment is that of the outer force,
 whose line is the axis u = 0, and, on a stretch before two contacts, of an inner force as well. The

@@ -50,7 +50,7 @@ class Step(NamedTuple):
 class System(Protocol):
     """Sum of squares, `objective`, at the parameters `p` (p,), and its normal equations there.
 
-    `length` is that of `step(0)` in sigmas, NaN where a direction is undetermined.
+    `length` is that of `step(0)` in sigmas, NaN where that is None.
     """
 
     @property
@@ -102,15 +102,20 @@ class NormalEquations(NamedTuple):
         change[self.free] = step
         return Step(change, length)
 
-    def inverse(self) -> Floats | None:
-        """Invert the normal matrix (f, f): a covariance; None if a direction is undetermined."""
+    def covariance(self) -> Floats | None:
+        """Invert the normal matrix: (p, p), zero for fixed parameters.
+
+        Return None if a direction is undetermined.
+        """
         unit = np.sqrt(np.diag(self.normal))
         if not (unit > 0).all() or not np.isfinite(self.normal).all():
             return None
         scaled = self.normal / np.outer(unit, unit)
         if np.linalg.eigvalsh(scaled)[0] < MIN_PIVOT:
             return None
-        return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))
+        covariance = np.zeros((len(self.p), len(self.p)))
+        covariance[np.ix_(self.free, self.free)] = np.linalg.inv(scaled) / np.outer(unit, unit)
+        return covariance
 
 
 @dataclass(frozen=True)
@@ -140,23 +145,31 @@ class BorderedEquations:
     def step(self, damping: float) -> Step | None:
         """Solve the damped normal equations; None where they are singular."""
         unit = np.sqrt(np.diag(self.shared))
+        if not (unit > 0).all():
+            return None
         try:
             matrix, gradient, inverse = self._reduced(damping)
-            of_shared = -np.linalg.solve(matrix / np.outer(unit, unit), gradient / unit) / unit
+            root = np.linalg.cholesky(matrix / np.outer(unit, unit))
         except np.linalg.LinAlgError:
             return None
+        of_shared = -np.linalg.solve(root.T, np.linalg.solve(root, gradient / unit)) / unit
         of_own = -np.einsum("nop,np->no", inverse, self.own_gradient + self.mixed @ of_shared)
         change = np.append(of_shared, of_own)
         gradient = np.append(self.shared_gradient, self.own_gradient)
         return Step(change, math.sqrt(max(float(-change @ gradient), 0.0)))
 
-    def shared_covariance(self) -> Floats:
+    def shared_covariance(self) -> Floats | None:
         """Compute the covariance (s, s) of the shared parameters.
 
-        A direction of which only rounding is left has a large sigma.
+        A direction of which only rounding is left has a large sigma. Return None if a frame does
+        not determine its own parameters.
         """
         unit = np.sqrt(np.diag(self.shared))
-        values, vectors = np.linalg.eigh(self._reduced(0.0)[0] / np.outer(unit, unit))
+        try:
+            reduced, _, _ = self._reduced(0.0)
+        except np.linalg.LinAlgError:
+            return None
+        values, vectors = np.linalg.eigh(reduced / np.outer(unit, unit))
         inverse = (vectors / np.maximum(values, MIN_PIVOT)) @ vectors.T
         return np.asarray(inverse / np.outer(unit, unit))
 
@@ -215,7 +228,7 @@ class Fit:
     """Minimum: parameters (p,), covariance (p, p) = (J J^T)^-1, chi^2, iterations.
 
     `rank_deficient` is True if the data do not determine a direction of the parameters; the
-    covariance is then zero.
+    covariance is then NaN.
     """
 
     parameters: Floats
@@ -246,11 +259,14 @@ def minimise(
     *,
     step_sigmas: float = STEP_SIGMAS,
     max_iterations: int = _MAX_ITERATIONS,
+    at_edges: bool = False,
 ) -> Minimum | None:
     """Minimise from `start` (p,); return None if it is outside the model's domain, or of numbers.
 
     `system(p)` computes normal equations, or None outside the domain; `moved(p, step)` the
-    parameters after a step, which may follow a curved valley, or None where it is too long.
+    parameters after a step, which may follow a curved valley, or None where it is too long. With
+    `at_edges` the iteration also ends where only damping makes steps short, as at the edge of the
+    domain.
     """
 
     def computed(p: Floats) -> System | None:
@@ -278,8 +294,12 @@ def minimise(
             # Where rounding hides a decrease, only strongly damped, short steps are accepted.
             trial = _lower(at, after(step.change))
         if trial is not None and step is not None:
+            # A damped step may be short far from the minimum.
+            near = step.length < step_sigmas and (
+                damping == 0 or at_edges or at.length < step_sigmas
+            )
             at, damping = trial, damping / _FACTOR if damping > _FIRST_DAMPING else 0.0
-            if step.length < step_sigmas:
+            if near:
                 return Minimum(at, CONVERGED, iteration)
         else:
             damping = max(damping * _FACTOR, _FIRST_DAMPING)
@@ -305,14 +325,14 @@ def fit_rows(
     found = minimise(system, start, step_sigmas=step_sigmas)
     if found is None:
         raise ValueError("the start is outside the model's domain")
-    inverse = found.at.inverse()
+    covariance = found.at.covariance()
     return Fit(
         parameters=found.at.p,
-        covariance=nothing if inverse is None else inverse,
+        covariance=np.full_like(nothing, np.nan) if covariance is None else covariance,
         chi2=found.at.objective,
         iterations=found.iterations,
         converged=found.status == CONVERGED,
-        rank_deficient=inverse is None,
+        rank_deficient=covariance is None,
     )
 
 

@@ -1,8 +1,7 @@
-"""Compute once what depends on one object alone, and keep it as long as the object exists."""
+"""Compute once what depends on one object and a setting alone, and keep it with the object."""
 
 import functools
-import weakref
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 One = TypeVar("One")
@@ -10,18 +9,20 @@ Result = TypeVar("Result")
 
 
 def once(function: Callable[[One, Any], Result]) -> Callable[[One, Any], Result]:
-    """Keep the results of a function of an object, whose arrays have no hash, and a setting.
+    """Keep the results of a function of an object and a setting, which must not change.
 
-    Results are kept by the object's identity, and dropped with it.
+    They are kept in the object, by the identity of the setting: neither needs a hash.
     """
-    kept: dict[tuple[int, Hashable], Result] = {}
 
     @functools.wraps(function)
-    def kept_result(one: One, setting: Any = None) -> Result:
-        key = (id(one), setting)
-        if key not in kept:
-            kept[key] = function(one, setting)
-            weakref.finalize(one, kept.pop, key, None)
-        return kept[key]
+    def kept_result(one: One, setting: Any) -> Result:
+        kept: list[tuple[object, object, Any]] = vars(one).setdefault("_kept", [])
+        for known, known_setting, result in kept:
+            if known is function and known_setting is setting:
+                found: Result = result
+                return found
+        result = function(one, setting)
+        kept.append((function, setting, result))
+        return result
 
     return kept_result

@@ -8,12 +8,19 @@ from functools import cached_property
 class Parameters:
     """Blocks of parameters, in their order in a vector (p,): the name and size of each.
 
+    Raises ValueError if a name is repeated.
+
     >>> at = Parameters((("q", 1), ("widths", 2), ("psi", 1)))
     >>> at["psi"], at.span("widths"), at.names
     (3, slice(1, 3, None), ('q', 'widths_0', 'widths_1', 'psi'))
     """
 
     blocks: tuple[tuple[str, int], ...]
+
+    def __post_init__(self) -> None:
+        names = [name for name, _ in self.blocks]
+        if len(set(names)) < len(names):
+            raise ValueError(f"names of parameters are repeated: {', '.join(names)}")
 
     def __len__(self) -> int:
         return self._size

@@ -38,21 +38,21 @@ def fit_alternative_taper(
     measurement: Measurement,
     problem: Problem,
     kept: Any,
-    rod_problem: Callable[[Measurement, Problem], FrameProblem] = frame_problem_of,
+    frame_problem: Callable[[Measurement, Problem], FrameProblem] = frame_problem_of,
     near: Floats | None = None,
 ) -> OtherTaper:
     """Fit one contact on a beam whose taper may be another than the rig states.
 
     Only the `kept` (n,) points of `problem` are used, which has those of the measurement with its
-    bow. The sum of squares is infinite where no such beam is near the points. `rod_problem` states
-    what kind of force bends the beam, and `near` (p,) are the parameters of a fit of the stated
-    beam.
+    bow. The sum of squares is infinite where no such beam is near the points. `frame_problem`
+    states what kind of force bends the beam, and `near` (p,) are the parameters of a fit of the
+    stated beam.
     """
     shape = measurement.rig.shape
-    rod = only(rod_problem(_with_shape(measurement, _with_any_taper(shape)), problem), kept)
+    rod = only(frame_problem(_with_shape(measurement, _with_any_taper(shape)), problem), kept)
     starts = [uniform_start(problem, rod)]
     if near is None:
-        near = _near(only(rod_problem(measurement, problem), kept), problem)
+        near = _near(only(frame_problem(measurement, problem), kept), problem)
     if near is not None:
         starts.append(near if len(shape.widths) else np.insert(near, WIDTHS, 0.0))
     best = _best_fit(rod, starts)
@@ -65,7 +65,7 @@ def with_other_friction(
     measurement: Measurement,
     problem: Problem,
     kept: Any,
-    rod_problem: Callable[[Measurement, Problem], FrameProblem],
+    frame_problem: Callable[[Measurement, Problem], FrameProblem],
     near: Floats,
 ) -> float:
     """Return the sum of squares of one contact whose friction may be more than the rig states.
@@ -75,7 +75,7 @@ def with_other_friction(
     """
     shape = measurement.rig.shape
     rough = replace(shape, friction_sigma=math.hypot(shape.friction_sigma, _FRICTION))
-    rod = only(rod_problem(_with_shape(measurement, rough), problem), kept)
+    rod = only(frame_problem(_with_shape(measurement, rough), problem), kept)
     best = _best_fit(rod, [near, uniform_start(problem, rod)])
     return np.inf if best is None else best.objective
 

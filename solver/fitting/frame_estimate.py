@@ -19,7 +19,7 @@ from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
 from solver.fitting.robust_fit import robust_fit
 from solver.fitting.stated_beam import prior_conflict
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Estimate, FittedParameter, Outcome
 from solver.instrument.measurement import Measurement
 from solver.uniform.fit import FrameFit
 from solver.uniform.problem import Problem, problem_of
@@ -27,7 +27,7 @@ from solver.uniform.problem import Problem, problem_of
 
 def frame_estimate(
     measurement: Measurement,
-    rod_problem: Callable[[Measurement, Problem], FrameProblem] = frame_problem_of,
+    frame_problem: Callable[[Measurement, Problem], FrameProblem] = frame_problem_of,
 ) -> Estimate:
     """Estimate contact and force in the known plane, with the rig's stated or learned beam.
 
@@ -38,20 +38,26 @@ def frame_estimate(
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip=False)
     enough = problem.points >= THRESHOLDS.min_points
-    rod = rod_problem(bowed, problem) if enough else None
+    rod = frame_problem(bowed, problem) if enough else None
     fitted = None if rod is None else fit_with_neighbours(problem, rod)
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or rod is None or fitted is None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    found = prior_conflict(bowed, problem, rod, fitted.fit, fitted.gain, rod_problem)
+    found = prior_conflict(bowed, problem, rod, fitted.fit, fitted.gain, frame_problem)
     if found is not None:
         dof = max(int(np.count_nonzero(fit.kept)) - 2, 1)
         return Estimate(
             Outcome.INVALID, found.reason, chi2=fit.chi2, dof=dof, assumption=found.assumption
         )
     values, covariance = frame_values(measurement, fitted.rod, fitted.rod.with_friction_ratio(fit))
-    return estimate_from_fit(measurement, problem, fit, values, covariance)
+    estimate = estimate_from_fit(measurement, problem, fit, values, covariance)
+    if not (rod.beam.prior and estimate.values):
+        return estimate
+    sigmas = np.sqrt(np.diag(fit.covariance))
+    places = {name: rod.parameters[name] for name in rod.beam.prior}
+    own = {name: FittedParameter(float(fit.p[i]), float(sigmas[i])) for name, i in places.items()}
+    return replace(estimate, parameters=own)
 
 
 def with_bow(measurement: Measurement) -> Measurement:

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from solver.beams.beam import CLAMP, FRICTION_RATIO, S_C, Beam, BentBeam, Q
+from solver.beams.beam import ERRORS, FRICTION_RATIO, S_C, Beam, BentBeam, Q, with_clamp
 from solver.beams.integrated_beam import IntegratedBeam
 from solver.core.parameters import Parameters
 from solver.fitting.beam_residuals import beam_residuals
@@ -100,7 +100,7 @@ class FrameProblem:
 
     def moved(self, p: Floats, step: Floats) -> Floats:
         """Return the parameters (p,) after a step (p,) of a fit, along the objective's valley."""
-        after, own = p + step, self.parameters["errors"]
+        after, own = p + step, self.parameters[ERRORS]
         after[:own] = self.beam.after_step(p[:own], step[:own], float(self.view[1]))
         return after
 
@@ -115,7 +115,7 @@ class FrameProblem:
 
 def with_errors(beam: Beam, errors: int) -> Parameters:
     """Return the parameters of a frame's fit: a beam's, its clamp's, errors of many points."""
-    return beam.parameters.followed_by(*CLAMP, ("errors", errors))
+    return with_clamp(beam.parameters).followed_by((ERRORS, errors))
 
 
 P = TypeVar("P", bound=FrameProblem)
@@ -143,6 +143,8 @@ def frame_problem_of(
         len(rig.shape.widths), 0 if bow is None else BOW, 0.0 if at_axis else radius
     )
     beam = stated if own_beam is None else own_beam(measurement, stated)
+    if not hasattr(beam, "bent"):
+        raise TypeError(f"beam made a {type(beam).__name__}, allowed is a Beam")
     at = with_errors(beam, shared.shape[1])
     mean, covariance = _prior(measurement, at, reflection(points, radius))
     for name, prior in beam.prior.items():
@@ -192,7 +194,7 @@ def _prior(measurement: Measurement, at: Parameters, light: float) -> tuple[Floa
     mean, covariance = np.zeros(len(at)), np.zeros((len(at), len(at)))
     covariance[FRICTION_RATIO, FRICTION_RATIO] = shape.ratio_sigma**2
     mean[at["psi"]] = measurement.handedness * (measurement.rig.known_psi or 0.0)
-    errors = at.indices("errors")
+    errors = at.indices(ERRORS)
     covariance[errors, errors] = 1.0
     values, shape_covariance = in_beam_frame(shape, measurement.handedness)
     learned = at.indices("softness", "dx", "psi", "widths")

@@ -1,4 +1,4 @@
-"""Start of a rod's fit: the uniform beam near the points."""
+"""Start of a frame's fit: the uniform beam near the points."""
 
 from dataclasses import replace
 from typing import Final

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from solver.beams.beam import FRICTION_RATIO
+from solver.beams.beam import ERRORS, FRICTION_RATIO
 from solver.beams.dead_load import FrictionRatio, friction_ratio_of
 from solver.beams.steps import straight_in_moments
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of
@@ -29,7 +29,8 @@ class HungProblem(FrameProblem):
 
     The parameters are those of `FrameProblem`, but for the friction ratio's: it is the error [rad]
     of the direction of gravity. `direction` [rad] is the angle of the axis across gravity, in the
-    frame of the beam at rest: 0 where gravity pulls across the beam.
+    frame of the beam at rest: 0 where gravity pulls across the beam. `bent` takes the parameters
+    of `with_friction_ratio`.
     """
 
     direction: float
@@ -57,7 +58,7 @@ class HungProblem(FrameProblem):
 
     def with_friction_ratio(self, fit: FrameFit) -> FrameFit:
         """Convert a fit to the parameters of `FrameProblem`, with friction ratio and covariance."""
-        own = self.parameters["errors"]
+        own = self.parameters[ERRORS]
         found = self._friction_ratio(fit.p[:own])
         assert found is not None, "the fit has residuals"
         to_rod = np.eye(len(fit.p))

@@ -73,12 +73,19 @@ def fit_jointly(
     if len(parameters) < len(problems):
         return None
     joint = JointProblem(problems, parameters, own, shared)
+    # As for one frame, the domain's edge may be the end.
     found = minimise(
-        joint.system, joint.start, step_sigmas=_STEP_SIGMAS, max_iterations=_MAX_ITERATIONS
+        joint.system,
+        joint.start,
+        step_sigmas=_STEP_SIGMAS,
+        max_iterations=_MAX_ITERATIONS,
+        at_edges=True,
     )
     if found is None:
         return None
     covariance = found.at.shared_covariance()
+    if covariance is None:
+        return None
     return JointFit(
         frames=joint.frames(found.at.p),
         shared=shared,

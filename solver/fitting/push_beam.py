@@ -1,5 +1,6 @@
 """The beam of a push: what differs between a uniform beam and one of changing section."""
 
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 from solver.beams.frictional import Contact
@@ -8,7 +9,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 
 
-class Prior(NamedTuple):
+class PushPrior(NamedTuple):
     """Mean (b,) of the parameters of beam and clamp, and a root (b, b) of their information."""
 
     mean: Floats
@@ -42,8 +43,13 @@ class PushBeam(Protocol):
         ...
 
     @property
-    def prior(self) -> Prior:
-        """Prior of the parameters of beam and clamp."""
+    def prior(self) -> PushPrior:
+        """PushPrior of the parameters of beam and clamp."""
+        ...
+
+    @property
+    def own(self) -> Mapping[str, int]:
+        """Places of the parameters of a user's own beam among those of beam and clamp, by name."""
         ...
 
     def farthest(self, q: Floats, friction_ratio: Floats) -> Floats:

@@ -14,7 +14,7 @@ from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, PushAt
 from solver.fitting.unknown_friction import force_variance_second_order
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Assumption, Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, FittedParameter, Outcome
 from solver.instrument.measurement import Measurement
 
 # The radius is reported only if its sigma is below this share of its prior sigma. Derived: the
@@ -97,9 +97,16 @@ def push_estimate(at: PushAt, last: Measurement, fit: Fit, single: Estimate) -> 
         dof=dof,
         iterations=fit.iterations,
     )
-    if estimate.values and estimate.sigma("x_c_m") > MOST_SIGMAS * single.sigma("x_c_m"):
+    if not estimate.values:
+        return estimate
+    if estimate.sigma("x_c_m") > MOST_SIGMAS * single.sigma("x_c_m"):
         return _with_contact_of(single, estimate)
-    return estimate
+    sigmas, first = np.sqrt(np.diag(fit.covariance)), push.base.start
+    own = {
+        name: FittedParameter(float(fit.parameters[first + i]), float(sigmas[first + i]))
+        for name, i in push.beam.own.items()
+    }
+    return replace(estimate, parameters=own)
 
 
 def _with_contact_of(single: Estimate, push: Estimate) -> Estimate:

@@ -100,11 +100,6 @@ class Touch:
     d_excess: Floats
 
 
-def straight(x0: float, beam: int = 0) -> FirstTouch:
-    """Return the first touch of a straight beam at x0 [m], with `beam` parameters."""
-    return FirstTouch(x0, 0.0, 0.0, np.eye(3, 1 + beam) * [1.0, *[0.0] * beam])
-
-
 def touch(
     contact: Contact, first: FirstTouch, compliance: float, reach: float, rigidity: float
 ) -> Touch | None:

@@ -1,6 +1,7 @@
 """Beam of changing section of a push: integrated, with bow, and a clamp that gives."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -13,7 +14,7 @@ from solver.beams.frictional import Contact
 from solver.fitting import frames
 from solver.fitting.frame_problem import FrameProblem
 from solver.fitting.frame_values import fitted_contact, input_variances
-from solver.fitting.push_beam import LastShape, Prior
+from solver.fitting.push_beam import LastShape, PushPrior
 from solver.fitting.push_geometry import FirstTouch
 from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
@@ -56,13 +57,21 @@ class IntegratedPush:
         return sum(len(frame.problem.shared) for frame in self.frames)
 
     @cached_property
-    def prior(self) -> Prior:
+    def prior(self) -> PushPrior:
         """The prior of beam, clamp and shared errors."""
         information = self._problem.information[np.ix_(self.fitted, self.fitted)]
         unit = np.sqrt(np.diag(information))
         values, vectors = np.linalg.eigh(information / np.outer(unit, unit))
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-        return Prior(self._problem.mean[self.fitted], np.asarray(root * unit))
+        return PushPrior(self._problem.mean[self.fitted], np.asarray(root * unit))
+
+    @property
+    def own(self) -> Mapping[str, int]:
+        """Places of the parameters of a user's own beam among the fitted ones, by name."""
+        at, fitted = self._problem.parameters, self.fitted.tolist()
+        return {
+            name: fitted.index(at[name]) for name in self._problem.beam.prior if at[name] in fitted
+        }
 
     def farthest(self, q: Floats, friction_ratio: Floats) -> Floats:
         """Return the arc length to which a curve is integrated [m]."""

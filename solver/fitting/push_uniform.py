@@ -1,6 +1,7 @@
 """Uniform beam of a push, with or without friction: closed form."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -8,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from solver.beams import frictional
-from solver.fitting.push_beam import LastShape, Prior
+from solver.fitting.push_beam import LastShape, PushPrior
 from solver.fitting.push_geometry import FirstTouch
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.instrument.arrays import Floats
@@ -133,9 +134,14 @@ class UniformPush:
         return sum(frame.problem.points for frame in self.frames)
 
     @cached_property
-    def prior(self) -> Prior:
+    def prior(self) -> PushPrior:
         """The clamp's prior."""
-        return Prior(np.zeros(3), np.linalg.inv(np.linalg.cholesky(self.base_covariance)))
+        return PushPrior(np.zeros(3), np.linalg.inv(np.linalg.cholesky(self.base_covariance)))
+
+    @property
+    def own(self) -> Mapping[str, int]:
+        """No others."""
+        return {}
 
     def farthest(self, q: Floats, friction_ratio: Floats) -> Floats:
         """Compute the largest levers (n,) [m]."""

@@ -76,14 +76,11 @@ def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
         at = _system(
             problem, at.p, at.rows[0], kept.astype(float), float(residual[kept] @ residual[kept])
         )
-    inverse = at.inverse()
-    covariance = np.zeros((len(at.p), len(at.p)))
+    covariance = at.covariance()
     inflation = variance_inflation(np.ascontiguousarray(residual[kept]), at.objective)
-    if inverse is None:
-        status = DEFICIENT
-    else:
-        efficiency = VARIANCE_FACTOR if robust else 1.0
-        covariance[np.ix_(problem.free, problem.free)] = inverse * (efficiency * inflation)
+    if covariance is None:
+        status, covariance = DEFICIENT, np.zeros((len(at.p), len(at.p)))
+    covariance *= inflation * (VARIANCE_FACTOR if robust else 1.0)
     return FrameFit(at.p, covariance, status, at.objective, kept, iterations, inflation)
 
 
@@ -114,7 +111,8 @@ def _minimise(problem: FrameProblem, start: Floats, cut: float) -> Minimum | Non
         trial = problem.moved(p, step)
         return trial if all(0 < trial[i] < 2 * p[i] for i in problem.beam.positive) else None
 
-    return minimise(system, start, moved)
+    # A contact near the end of the curve, and the least width, are edges of the domain.
+    return minimise(system, start, moved, at_edges=True)
 
 
 def _system(

@@ -38,7 +38,7 @@ def prior_conflict(
     stated_rod: FrameProblem,
     fit: FrameFit,
     gain: float,
-    rod_problem: Callable[[Measurement, Problem], FrameProblem],
+    frame_problem: Callable[[Measurement, Problem], FrameProblem],
 ) -> PriorConflict | None:
     """Return how an image contradicts the beam that its rig states; None if it does not.
 
@@ -53,7 +53,16 @@ def prior_conflict(
     information = rod.information[np.ix_(stated, stated)]
     chi2 = float(away @ information @ away)
     if chi2 > len(stated) + _LARGEST * math.sqrt(2 * len(stated)):
-        assumption = _most_contradicted(_assumptions(rod), stated, away, information)
+        contradicted = _most_contradicted(_statements(rod), stated, away, information)
+        own = rod.beam.prior.get(str(contradicted))
+        if own is not None:
+            return PriorConflict(
+                f"the beam is {math.sqrt(chi2):.0f} sigmas from its prior, most by its parameter "
+                f"'{contradicted}': it is {p[rod.parameters[str(contradicted)]]:.4g}, its prior "
+                f"{own.mean:.4g} +- {own.sigma:.4g}",
+                None,
+            )
+        assumption = contradicted if isinstance(contradicted, Assumption) else None
         most = "" if assumption is None else f", most by the {assumption}"
         return PriorConflict(
             f"the beam, its clamp or the friction is {math.sqrt(chi2):.0f} sigmas from what "
@@ -63,12 +72,12 @@ def prior_conflict(
     least = least_squares(rod, p) if gain else None
     if least is None:
         return None
-    other = fit_alternative_taper(measurement, problem, fit.kept, rod_problem, p)
+    other = fit_alternative_taper(measurement, problem, fit.kept, frame_problem, p)
     if least.objective - other.objective < gain:
         return None
     assumption = Assumption.TAPER
     if rod.of_friction_ratio is Assumption.FRICTION:
-        friction = with_other_friction(measurement, problem, fit.kept, rod_problem, p)
+        friction = with_other_friction(measurement, problem, fit.kept, frame_problem, p)
         assumption = _taper_or_friction(other.objective, friction)
     return PriorConflict(
         f"the beam is not that of rig.json: with a tip {other.tip:.2f} times as wide as at the "
@@ -85,11 +94,11 @@ def _taper_or_friction(with_taper: float, with_friction: float) -> Assumption:
     return Assumption.TAPER if with_taper < with_friction else Assumption.FRICTION
 
 
-def _assumptions(rod: FrameProblem) -> dict[Assumption | None, list[int]]:
+def _statements(rod: FrameProblem) -> dict[Assumption | str | None, list[int]]:
     """Return the parameters of a problem that belong to each statement of the rig.
 
-    Those of None, errors that all points share and parameters of a beam of a user's own, belong to
-    no statement.
+    Those of None, errors that all points share, belong to no statement; those of a user's own beam
+    have their names.
     """
     at = rod.parameters
     return {
@@ -98,13 +107,17 @@ def _assumptions(rod: FrameProblem) -> dict[Assumption | None, list[int]]:
         Assumption.BOW: at.indices("bow"),
         Assumption.PLANE: at.indices("psi"),
         Assumption.CLAMP: at.indices("dx", "dy", "tilt", "softness"),
-        None: at.indices("errors", *rod.beam.prior),
+        **{name: at.indices(name) for name in rod.beam.prior},
+        None: at.indices("errors"),
     }
 
 
 def _most_contradicted(
-    groups: dict[Assumption | None, list[int]], stated: Floats, away: Floats, information: Floats
-) -> Assumption | None:
+    groups: dict[Assumption | str | None, list[int]],
+    stated: Floats,
+    away: Floats,
+    information: Floats,
+) -> Assumption | str | None:
     """Return the statement without which the deviation `away` (s,) would be the least.
 
     `stated` (s,) are the indices of the parameters, `information` (s, s) is that of their prior.

@@ -29,6 +29,7 @@ _FINE: Final = 100
 def two_contact_problem_of(rod: FrameProblem) -> FrameProblem:
     """Add an inner contact to the problem of one contact, with the same prior of its friction."""
     assert isinstance(rod.beam, IntegratedBeam), "only this beam may have two contacts"
+    assert type(rod.beam) is IntegratedBeam, "a beam of a user's own has one contact"
     beam = TwoContactBeam(rod.beam)
     size, count = len(rod.beam.parameters), len(beam.parameters) - len(rod.beam.parameters)
     added = [size] * count

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,15 +105,22 @@ _REPR_COLUMNS = {
 }
 
 
+class FittedParameter(NamedTuple):
+    """Value of a parameter that a user's own beam has, and its standard deviation."""
+
+    value: float
+    sigma: float
+
+
 @dataclass(frozen=True, repr=False)
 class Estimate:
     """Estimate of contact and force from one frame.
 
     `values` maps some of QUANTITIES to numbers in SI units; a quantity that the method does not
     estimate is absent. `covariance` (n, n) is in the order of `values`; it is None if the method
-    does not compute it. `assumption` is what the image contradicts, if a failure outcome names one.
-    `chi2` is the weighted sum of squared residuals with `dof` degrees of
-    freedom.
+    does not compute it. `parameters` are those of a beam of the user's own. `assumption` is what
+    the image contradicts, if a failure outcome names one. `chi2` is the weighted sum of squared
+    residuals with `dof` degrees of freedom.
 
     Every quantity is also an attribute, by its SI name or by its column in a table; it is None if
     it was not estimated:
@@ -135,6 +143,7 @@ class Estimate:
     dof: int | None = None
     iterations: int | None = None
     assumption: Assumption | None = None
+    parameters: Mapping[str, FittedParameter] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if bool(self.values) != self.outcome.has_values:

@@ -1,6 +1,7 @@
 """Input of a method: the beam as measured in one frame, and the rig."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -116,7 +117,8 @@ class Measurement:
     within C can be estimated. `tip_sigma` is the relative one-sigma error of the length up to the
     visible tip, None if it is the rig's tolerance. `earlier` contains the previous frames of the
     same push, in order. `rest_bow` is None for a beam without a bow. `axis_sigma` [m] is that of
-    the beam's axis about its apparent middle at rest, across the beam. Raises ValueError.
+    the beam's axis about its apparent middle at rest, across the beam. `errors_are_fitted` is True
+    if shared errors are to be estimated, as those of a user are. Raises ValueError.
     """
 
     view: View
@@ -134,6 +136,7 @@ class Measurement:
     rest_bow: RestBow | None = None
     image_shift: Floats = field(default_factory=lambda: np.zeros((2, 2)))
     axis_sigma: float = 0.0
+    errors_are_fitted: bool = False
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_covariance", self.base_covariance, (3, 3))
@@ -173,7 +176,7 @@ class Measurement:
         """
         bow = self.rest_bow
         straight = bow is None or 2 * bow.scale_sigma**2 <= self.scale_sigma**2
-        return self.rig.shape.uniform and straight
+        return self.rig.shape.uniform and straight and not self.errors_are_fitted
 
     @property
     def points(self) -> Floats:
@@ -185,18 +188,25 @@ class Measurement:
         """One-sigma vectors (n, 2) [m] of the view."""
         return self.view.sigma_vectors
 
-    def with_shared_errors(self, shifts: Floats) -> "Measurement":
-        """Return the measurement with k more errors that all points share.
+    def with_shared_errors(self, shifts_of: Callable[["Measurement"], Floats]) -> "Measurement":
+        """Return the measurement with k more errors that all points share, and earlier frames too.
 
-        `shifts` (k, n, 2) [m] are the displacements of the points for one sigma of each; a point is
-        measured along its sigma vector only. Raises ValueError if the shape is wrong.
+        `shifts_of` returns the displacements (k, n, 2) [m] of a measurement's points for one sigma
+        of each, which are the same errors in all frames; a point is measured along its sigma
+        vector only. Clamp and tip stay. Fits estimate the errors, which those of the calibration
+        are not. Raises ValueError if the shape is wrong.
         """
-        shifts, sigmas = np.asarray(shifts, np.float64), self.sigma_vectors
+        shifts, sigmas = np.asarray(shifts_of(self), np.float64), self.sigma_vectors
         if shifts.ndim != 3 or shifts.shape[1:] != sigmas.shape:
             raise ValueError(f"shifts has shape {shifts.shape}, allowed is (k, {len(sigmas)}, 2)")
         columns = (shifts * sigmas).sum(axis=2) / (sigmas**2).sum(axis=1)
         shared = np.column_stack([self.view.shared_errors, columns.T])
-        return replace(self, view=replace(self.view, shared_errors=shared))
+        return replace(
+            self,
+            view=replace(self.view, shared_errors=shared),
+            earlier=tuple(frame.with_shared_errors(shifts_of) for frame in self.earlier),
+            errors_are_fitted=True,
+        )
 
     @cached_property
     def shift_by_clamp(self) -> Floats:

@@ -9,6 +9,7 @@ import importlib
 import io
 import json
 import zipfile
+import zlib
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +21,15 @@ from solver.lab.writing import write
 
 _PACKAGE: Final = "solver."
 _TREE: Final = "tree"
+# What NumPy, zipfile and json raise for a file that is damaged or none of theirs.
+_UNREADABLE: Final = (
+    OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, zipfile.BadZipFile,
+    zlib.error,
+)  # fmt: skip
+# What a tree raises whose classes or fields this version does not have.
+_OTHER_VERSION: Final = (
+    AttributeError, ImportError, KeyError, TypeError, ValueError, RecursionError,
+)  # fmt: skip
 
 
 def save_tree(path: Path, root: object) -> None:
@@ -41,11 +51,11 @@ def load_tree(path: Path) -> Any:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         tree = json.loads(str(arrays.pop(_TREE)))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except _UNREADABLE as error:
         raise InputError(f"{path}: is not a saved rig ({described(error)})") from error
     try:
         return _decoded(tree, arrays)
-    except (AttributeError, ImportError, KeyError, TypeError, ValueError) as error:
+    except _OTHER_VERSION as error:
         raise InputError(
             f"{path}: was saved by another version of the antenna, or is damaged: open the rig's "
             f"folder and save it again ({described(error)})"
@@ -95,7 +105,7 @@ def _decoded(tree: Any, arrays: dict[str, Any]) -> Any:
 
 
 def _name(cls: type) -> str:
-    if not cls.__module__.startswith(_PACKAGE):
+    if not cls.__module__.startswith(_PACKAGE) or "." in cls.__qualname__:
         raise InputError(f"a {cls.__qualname__} of {cls.__module__} cannot be saved")
     return f"{cls.__module__}:{cls.__qualname__}"
 
@@ -103,10 +113,12 @@ def _name(cls: type) -> str:
 def _class_of(name: str) -> Any:
     """Return a dataclass, named tuple or enumeration of this package by its name."""
     module, _, qualname = name.partition(":")
-    if not module.startswith(_PACKAGE):
+    if not module.startswith(_PACKAGE) or module.endswith("__main__"):
         raise ValueError(f"{module} is not a module of this package")
     found = getattr(importlib.import_module(module), qualname)
-    plain = dataclasses.is_dataclass(found) or issubclass(found, tuple | Enum)
-    if not (isinstance(found, type) and plain):
+    plain = isinstance(found, type) and (
+        dataclasses.is_dataclass(found) or issubclass(found, tuple | Enum)
+    )
+    if not plain or found.__module__ != module:
         raise ValueError(f"{name} is no plain class")
     return found

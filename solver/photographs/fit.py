@@ -18,7 +18,7 @@ from solver.core.robust import MEDIAN, tukey
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.medians import TUKEY_CUT
-from solver.photographs.joint import PhotosProblem, covariance_of
+from solver.photographs.joint import PhotosProblem
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
 from solver.photographs.problem import RIGIDITY, PhotoProblem
@@ -121,7 +121,7 @@ def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | None:
     fits = tuple(map(_photo_fit, problems, fitted.at.rows, weights))
     final = replace(problem, weights=tuple(one.kept / one.inflation for one in fits))
     last = final.minimised(fitted.at.p) or fitted
-    errors = covariance_of(final, last.at)
+    errors = last.at.covariance()
     if errors is None:
         return None
     sigmas = np.where(prior.open, np.inf, np.sqrt(np.diag(prior.covariance)))

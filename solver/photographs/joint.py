@@ -78,13 +78,3 @@ class PhotosProblem:
             with np.errstate(all="ignore"):
                 moved[columns[own:]] = photo.moved(p[columns], (moved - p)[columns])[own:]
         return moved
-
-
-def covariance_of(problem: PhotosProblem, at: NormalEquations) -> Floats | None:
-    """Invert the normal matrix: (p, p), zero for fixed parameters; None if it is singular."""
-    inverse = at.inverse()
-    if inverse is None:
-        return None
-    covariance = np.zeros_like(problem.information)
-    covariance[np.ix_(problem.free, problem.free)] = inverse
-    return covariance

@@ -34,7 +34,7 @@ from solver.photographs.view import PARAMETERS, ROLL, SCALE, U, V, images_of, pl
 
 # Shared parameters; the widths and the bow follow.
 RIGIDITY, LENGTH, DOWN, FOCAL, K1, SOFT, SHAPE = range(7)
-# Own parameters: Q, S_C and FRICTION_RATIO of the rod, and then the tilt and the view.
+# Own parameters: Q, S_C and FRICTION_RATIO of the beam, and then the tilt and the view.
 OWN_TILT, OWN_VIEW = 3, 4
 VIEW_SIZE: Final = PARAMETERS - 2  # without focal length and k1
 OWN: Final = OWN_VIEW + VIEW_SIZE

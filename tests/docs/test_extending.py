@@ -20,6 +20,7 @@ from solver.instrument.beam_shape import stated_shape
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
+from solver.methods.push_fit import push_fit
 from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, columns, measurement, pushed_points
@@ -111,6 +112,9 @@ def test_a_beam_with_a_heavy_tip_is_answered(
     assert abs(error(estimate, "x_c_m", BEAM.length * shape.contact[0])) < MOST_SIGMAS
     assert abs(error(estimate, "force_n", force * unit)) < MOST_SIGMAS
     assert estimate.sigma("x_c_m") < 0.01 * BEAM.length
+    weight = estimate.parameters["tip_load"]
+    assert abs(weight.value - WEIGHT) < MOST_SIGMAS * weight.sigma
+    assert 0 < weight.sigma < 0.0101  # of the prior
     alone = exact_fit(frame)
     if motor_angle and alone.values:  # the weight's moment has changed since the images at rest
         assert abs(error(alone, "x_c_m", BEAM.length * shape.contact[0])) > 4
@@ -147,6 +151,14 @@ def test_a_push_of_a_beam_with_a_heavy_tip_is_answered(modules: dict[str, Module
     truth = heavy(unknown[0], unknown[1], -angles[-1])
     assert abs(error(estimate, "x_c_m", BEAM.length * truth.contact[0])) < MOST_SIGMAS
     assert estimate.sigma("x_c_m") < 0.003 * BEAM.length
+    weight = estimate.parameters["tip_load"]
+    assert abs(weight.value - WEIGHT) < MOST_SIGMAS * weight.sigma
+    # Together with an error of the page, which all frames share.
+    both = push_fit(
+        last.with_shared_errors(modules["tall_rows"].taller), beam=modules["heavy_tip"].heavy_tip
+    )
+    assert both.values, both
+    assert both.sigma("x_c_m") > estimate.sigma("x_c_m")
 
 
 def test_an_error_of_the_page_is_in_the_covariance(modules: dict[str, ModuleType]) -> None:
@@ -157,6 +169,34 @@ def test_an_error_of_the_page_is_in_the_covariance(modules: dict[str, ModuleType
     assert abs(error(estimate, "force_n", force)) < 2.5
     assert abs(error(estimate, "x_c_m", x_c)) < 2.5
     assert abs(error(exact_fit(frame), "force_n", force)) > 3
+
+
+def test_a_large_error_is_estimated_where_the_rig_states_a_uniform_beam(
+    modules: dict[str, ModuleType],
+) -> None:
+    points, x_c, _ = pushed_points(0.12, 0.1)
+    roll = 2e-3
+
+    def rolled(one: Measurement) -> Floats:
+        return np.array([[[0.0, roll]]]) * (one.points[None, :, :1] - 0.12)
+
+    moved = points + [0.0, 1.0] * (roll * (points[:, :1] - 0.12))
+    frame = measurement(moved, SIGMA, base_sigma=2e-6)
+    assert frame.uniform
+    estimate = exact_fit(frame.with_shared_errors(rolled))
+    assert estimate.values, estimate
+    assert abs(error(estimate, "x_c_m", x_c)) < 3
+    assert estimate.sigma("x_c_m") < 1e-3 * BEAM.length
+    del modules
+
+
+def test_a_prior_that_the_image_contradicts_is_named(modules: dict[str, ModuleType]) -> None:
+    heavy_tip = modules["heavy_tip"]
+    heavy_tip.HeavyTip.prior = {"tip_load": heavy_tip.Prior(0.5, 2e-3)}
+    frame = taken(heavy(0.9, 0.6, -0.9), -0.9, generator(__name__, 4))
+    estimate = heavy_tip.exact_fit_heavy(frame)
+    assert not estimate.values
+    assert "its parameter 'tip_load': it is" in estimate.message
 
 
 def test_the_method_of_the_page_has_an_honest_covariance(modules: dict[str, ModuleType]) -> None:

@@ -1,11 +1,15 @@
 """A beam whose curvature is stated, against the integrated one: two roads to the same shape."""
 
+from collections.abc import Mapping
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from solver.beams.beam import BentBeam
+from solver.beams.beam import BentBeam, Prior
 from solver.beams.integrated_beam import IntegratedBeam
-from solver.beams.own_beam import OwnBeam
+from solver.beams.own_beam import Line, OwnBeam
 from solver.fitting.beam_residuals import beam_residuals
 from solver.instrument.arrays import Floats
 
@@ -75,3 +79,69 @@ def test_its_error_falls_with_the_fourth_power_of_its_steps(
 )
 def test_a_shape_that_no_beam_has_is_none(p: list[float]) -> None:
     assert OwnBeam(0, 0, RADIUS).bent(np.array(p)) is None
+
+
+class Sleeved(OwnBeam):
+    """A beam with a sleeve over its first fifth, three times as stiff."""
+
+    breaks = (0.2,)
+
+    @property
+    def prior(self) -> Mapping[str, Prior]:
+        return {"sleeve": Prior(3.0, 0.3)}
+
+    def stiffness(self, line: Line, p: Mapping[str, Floats]) -> Floats:
+        return np.where(line.s < 0.2, p["sleeve"], 1.0)
+
+
+@pytest.mark.parametrize("place", [0.15, 0.199, 0.3, 0.75])
+def test_a_jump_of_the_stiffness_is_integrated_exactly(place: float) -> None:
+    """Against a solver of initial value problems, from the contact back to the clamp."""
+    q = 0.5 / place**2
+    bent = Sleeved(0, 0, RADIUS).bent(np.array([q, place, 0.0, 3.0]))
+    assert bent is not None
+
+    def rates(t: float, state: Floats) -> list[float]:
+        u, _, psi = state
+        stiffness = 3.0 if place - t < 0.2 else 1.0
+        return [float(np.cos(psi)), float(np.sin(psi)), float(q * u / stiffness)]
+
+    ends = sorted({0.0, max(place - 0.2, 0.0), place})
+    state = np.zeros(3)
+    for begin, end in pairwise(ends):
+        solution = solve_ivp(rates, (begin, end - 1e-12), state, rtol=1e-11, atol=1e-13)
+        state = solution.y[:, -1]
+    u, along, psi = state
+    x, y = u * np.cos(psi) + along * np.sin(psi), u * np.sin(psi) - along * np.cos(psi)
+    assert bent.contacts[0, 1:4] == pytest.approx([psi, x, y], abs=2e-7)
+    # The moment at the clamp is that of the force, whatever the stiffness there.
+    assert bent.moment == pytest.approx(q * u, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        ({"tilt": Prior(0.0, 1.0)}, "prior of 'tilt': the name is taken"),
+        ({"errors": Prior(0.0, 1.0)}, "prior of 'errors': the name is taken"),
+        ({"load": (0.0, 1.0)}, r"allowed is Prior\(mean, sigma\)"),
+        ({"load": Prior(0.0, -1.0)}, "sigma >= 0"),
+        ({"load": Prior(np.nan, 1.0)}, "allowed are numbers"),
+    ],
+)
+def test_a_wrong_prior_is_a_sentence(prior: dict[str, Prior], message: str) -> None:
+    class Wrong(OwnBeam):
+        @property
+        def prior(self) -> Mapping[str, Prior]:
+            return prior
+
+    with pytest.raises(ValueError, match=message):
+        Wrong(0, 0, RADIUS).bent(np.array([1.0, 0.6, 0.0, 0.0]))
+
+
+def test_a_curvature_of_another_shape_is_a_sentence() -> None:
+    class Row(OwnBeam):
+        def curvature(self, line: Line, p: Mapping[str, Floats]) -> Floats:
+            return np.asarray(super().curvature(line, p)[0])
+
+    with pytest.raises(ValueError, match=r"the curvature of Row has shape \(66,\), allowed is"):
+        Row(0, 0, RADIUS).bent(np.array([1.0, 0.6, 0.0]))

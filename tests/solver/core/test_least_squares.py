@@ -88,7 +88,10 @@ def test_a_prior_is_a_measurement_and_fixed_parameters_stay(random: np.random.Ge
     assert found.at.p[1] == 0.7
     assert found.at.objective == pytest.approx(residual, rel=1e-9)
     inverse = np.linalg.inv(rows[:, free].T @ rows[:, free])
-    assert found.at.inverse() == pytest.approx(inverse, rel=1e-9)
+    covariance = found.at.covariance()
+    assert covariance is not None
+    assert covariance[np.ix_(free, free)] == pytest.approx(inverse, rel=1e-9)
+    assert not covariance[1].any()
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
@@ -121,3 +124,33 @@ def test_eliminated_parameters_take_the_step_of_the_whole_system(
     assert step.length == pytest.approx(np.sqrt(-expected @ gradient), rel=1e-9)
     covariance = np.linalg.inv(normal)[:shared, :shared]
     assert at.shared_covariance() == pytest.approx(covariance, rel=1e-9)
+
+
+def test_a_damped_step_is_short_far_from_a_minimum() -> None:
+    # The domain ends before the minimum at 4, which no step reaches.
+    def rows(p: Floats) -> Rows | None:
+        return Rows(np.array([p[0] - 4.0]), np.ones((1, 1))) if p[0] <= 0.01 else None
+
+    assert not fit_rows(rows, np.zeros(1), step_sigmas=0.01).converged
+
+
+def test_undetermined_frames_have_no_step_and_no_covariance() -> None:
+    zero = np.zeros((1, 1))
+
+    def system(own: float, mixed: float) -> BorderedEquations:
+        return BorderedEquations(
+            p=np.zeros(2),
+            objective=0.0,
+            shared=np.ones((1, 1)),
+            own=np.full((1, 1, 1), own),
+            mixed=np.full((1, 1, 1), mixed),
+            shared_gradient=np.ones(1),
+            own_gradient=zero,
+        )
+
+    assert system(0.0, 0.0).step(0.0) is None
+    assert system(0.0, 0.0).shared_covariance() is None
+    # Indefinite by rounding.
+    assert system(1.0, 1 + 1e-12).step(0.0) is None
+    assert np.isnan(system(1.0, 1 + 1e-12).length)
+    assert system(1.0, 1 + 1e-12).step(1e-3) is not None

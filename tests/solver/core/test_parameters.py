@@ -21,3 +21,8 @@ def test_each_name_has_its_place() -> None:
 def test_an_unknown_name_is_an_error() -> None:
     with pytest.raises(KeyError, match="tilt"):
         AT["tilt"]
+
+
+def test_a_name_that_is_taken_is_an_error() -> None:
+    with pytest.raises(ValueError, match="repeated"):
+        AT.followed_by(("psi", 1))

@@ -27,6 +27,7 @@ def test_a_direction_that_the_frames_absorb_has_a_large_variance() -> None:
     assert shared[1, 1] - mixed[0, 0, 1] ** 2 / own[0, 0, 0] < 1e-15
     at = BorderedEquations(np.zeros(3), 0.0, shared, own, mixed, np.zeros(2), np.zeros((1, 1)))
     covariance = at.shared_covariance()
+    assert covariance is not None
     assert covariance[0, 0] == pytest.approx(0.25)
     assert covariance[1, 1] > 1e10
     assert np.linalg.eigvalsh(covariance).min() > 0

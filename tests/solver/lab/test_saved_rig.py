@@ -1,5 +1,6 @@
 """A saved rig answers as the opened one, and a damaged file is a sentence."""
 
+import contextlib
 import dataclasses
 import json
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 import solver
 from solver.instrument.errors import InputError
 from solver.lab import saved_rig
+from tests.draws import generator
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +70,17 @@ def test_what_is_no_saved_rig_is_a_sentence(opened: solver.CalibratedRig, tmp_pa
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="is not a saved rig"):
         solver.load_rig(path)
+    np.save(path.with_suffix(".npy"), np.zeros(3))
+    with pytest.raises(InputError, match="is not a saved rig"):
+        solver.load_rig(path.with_suffix(".npy"))
+    random = generator(__name__, 1)
+    for _ in range(40):
+        damaged = bytearray(whole)
+        damaged[int(random.integers(len(whole)))] ^= 1 << int(random.integers(8))
+        path.write_bytes(damaged)
+        # A bit of the archive's times does not matter; any other error fails.
+        with contextlib.suppress(InputError):
+            solver.load_rig(path)
 
 
 @pytest.mark.parametrize(
@@ -75,6 +88,8 @@ def test_what_is_no_saved_rig_is_a_sentence(opened: solver.CalibratedRig, tmp_pa
     [
         ("solver.api:CalibratedRig", "os:system"),
         ("solver.api:CalibratedRig", "solver.api:open_rig"),
+        ("solver.api:CalibratedRig", "solver.api:Path"),
+        ("solver.api:CalibratedRig", "solver.__main__:main"),
         ("solver.api:CalibratedRig", "solver.api:Gone"),
         ("solver.api:CalibratedRig", "solver.gone:CalibratedRig"),
         ('"rest_image"', '"image"'),
