@@ -190,15 +190,6 @@ def test_a_large_error_is_estimated_where_the_rig_states_a_uniform_beam(
     del modules
 
 
-def test_a_prior_that_the_image_contradicts_is_named(modules: dict[str, ModuleType]) -> None:
-    heavy_tip = modules["heavy_tip"]
-    heavy_tip.HeavyTip.prior = {"tip_load": heavy_tip.Prior(0.5, 2e-3)}
-    frame = taken(heavy(0.9, 0.6, -0.9), -0.9, generator(__name__, 4))
-    estimate = heavy_tip.exact_fit_heavy(frame)
-    assert not estimate.values
-    assert "its parameter 'tip_load': it is" in estimate.message
-
-
 def test_the_method_of_the_page_has_an_honest_covariance(modules: dict[str, ModuleType]) -> None:
     random, pulls = generator(__name__, 3), []
     points, x_c, force = pushed_points(0.12, 0.01)

@@ -1,5 +1,6 @@
 """A beam whose curvature is stated, against the integrated one: two roads to the same shape."""
 
+import re
 from collections.abc import Mapping
 from itertools import pairwise
 
@@ -12,6 +13,10 @@ from solver.beams.integrated_beam import IntegratedBeam
 from solver.beams.own_beam import Line, OwnBeam
 from solver.fitting.beam_residuals import beam_residuals
 from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import stated_shape
+from solver.instrument.measurement import Measurement
+from solver.methods.exact_fit import exact_fit
+from tests.tapered import bent, measured
 
 RADIUS = 0.01
 # Load, place, friction ratio, two coefficients of the width, three of the bow.
@@ -145,3 +150,23 @@ def test_a_curvature_of_another_shape_is_a_sentence() -> None:
 
     with pytest.raises(ValueError, match=r"the curvature of Row has shape \(66,\), allowed is"):
         Row(0, 0, RADIUS).bent(np.array([1.0, 0.6, 0.0]))
+
+
+def test_a_prior_that_an_image_contradicts_is_named(random: np.random.Generator) -> None:
+    shape = stated_shape(taper=0.005, softness=0.0, section=0.0, friction=0.0)
+    frame = measured(bent(0.0, 0.6, 0.6), shape, random)
+
+    def sleeved(_: Measurement, beam: IntegratedBeam) -> OwnBeam:
+        return Sleeved(beam.widths, beam.bow, beam.radius)
+
+    estimate = exact_fit(frame, beam=sleeved)
+    assert not estimate.values
+    found = re.search(r"parameter 'sleeve': it is (\S+), its prior 3 \+- 0.3", estimate.message)
+    assert found is not None, estimate.message
+    assert float(found[1]) == pytest.approx(1.0, abs=0.2)
+
+
+def test_what_makes_no_beam_is_a_sentence(random: np.random.Generator) -> None:
+    frame = measured(bent(0.0, 0.6, 0.6), stated_shape(0.005, 0.0, 0.0, 0.0), random)
+    with pytest.raises(TypeError, match="beam made a NoneType, allowed is a Beam"):
+        exact_fit(frame, beam=lambda *_: None)  # type: ignore[arg-type]
