@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.lib.format import read_array
 
 from solver.instrument.errors import InputError, described
 from solver.lab.writing import write
@@ -48,8 +49,11 @@ def load_tree(path: Path) -> Any:
     Raises InputError if the file cannot be read, or is of another version of this package.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+            arrays = {
+                name.removesuffix(".npy"): read_array(io.BytesIO(archive.read(name)))
+                for name in archive.namelist()
+            }
         tree = json.loads(str(arrays.pop(_TREE)))
     except _UNREADABLE as error:
         raise InputError(f"{path}: is not a saved rig ({described(error)})") from error
