@@ -283,7 +283,6 @@ def minimise(
     if first is None:
         return None
     at, damping = first, 0.0
-
     for iteration in range(1, max_iterations + 1):
         step = at.step(damping)
         if step is None:
