@@ -10,7 +10,7 @@ from solver.instrument.units import DEGREE, PERCENT
 from solver.photographs.answer import PhotoAnswer, rigidity_known
 from solver.photographs.fit import PhotosFit
 from solver.photographs.photo_set import PhotoSet
-from solver.photographs.problem import FOCAL, K1, RIGIDITY, SHAPE, SOFT
+from solver.photographs.problem import FOCAL, K1, LENGTH, RIGIDITY, SHAPE, SOFT
 
 # A parameter whose sigma is above this fraction of its prior's is that of the prior. Chosen.
 _UNDETERMINED: Final = 0.9
@@ -18,6 +18,8 @@ _UNDETERMINED: Final = 0.9
 _MARKS: Final = 4
 # A stated number or a mark that is off by more sigmas. Derived: noise exceeds it once in a million.
 _CONFLICT: Final = 5.0
+# Logarithms among the shared parameters by which forces are scaled, and what they are called.
+_SCALES: Final = {RIGIDITY: "the flexural rigidity", LENGTH: "the length of the beam"}
 
 
 # On real photographs with known loads, no force was right so far.
@@ -119,3 +121,17 @@ def _of_conflicts(fit: PhotosFit, photos: PhotoSet) -> list[str]:
             if sigmas > _CONFLICT
         ]
     return sentences
+
+
+def contradicted_statement(fit: PhotosFit) -> str:
+    """Return how the photographs contradict the stated EI or length, or ""."""
+    at = fit.at
+    away = np.abs(at.p - fit.problem.mean) * np.sqrt(np.diag(fit.problem.information))
+    index = max(_SCALES, key=lambda i: float(away[i]))
+    if away[index] < _CONFLICT:
+        return ""
+    ratio = math.exp(float(at.p[index] - fit.problem.mean[index]))
+    return (
+        f"{_SCALES[index]} would be {ratio:.2g} times what is stated, {away[index]:.0f} sigmas "
+        "off: correct it, or the loads of the photographs"
+    )

@@ -7,7 +7,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
 from solver.photographs.answer import PhotoAnswer, Value, photo_answer, shared_values
 from solver.photographs.fit import PhotosFit, Shown, fit_photos
-from solver.photographs.notes import notes_of
+from solver.photographs.notes import contradicted_statement, notes_of
 from solver.photographs.photo_set import Photograph, PhotoSet
 from solver.photographs.traced import photograph, traced_beam
 
@@ -64,6 +64,7 @@ def answer_photos(
     """Answer for traced photographs; `messages` say why there is no beam in some of them.
 
     A photograph that no beam with a single load fits is left out of the joint fit, the worst first.
+    Photographs that need another EI or length than is stated have no values.
     """
     answers = {i: PhotoAnswer(Outcome.INVALID, text) for i, text in messages.items()}
     fitted = [i for i in range(len(shown)) if i not in messages]
@@ -73,6 +74,10 @@ def answer_photos(
         if fit is None:
             break
         misfits = [one.misfit if not one.fits else 0.0 for one in fit.fits]
+        contradiction = contradicted_statement(fit) if not any(misfits) else ""
+        if contradiction:
+            answers |= {i: PhotoAnswer(Outcome.INVALID, contradiction) for i in fitted}
+            break
         if not any(misfits):
             own = [photo_answer(fit, part, i) for i in range(len(fitted))]
             answers |= dict(zip(fitted, own, strict=True))

@@ -169,6 +169,8 @@ def test_photographs_without_a_beam_have_an_outcome() -> None:
     beam = TracedBeam(points.points, points.normals, points.sigmas, points.widths)
     both = [drawn.shown[0], drawn.shown[0]._replace(beam=beam)]
     answers = answer_photos(photos, list(both), {}).answers
-    # Without a bend, nothing determines the load and EI of the joint fit.
-    assert [one.outcome for one in answers] == [Outcome.NOT_CONVERGED] * 2
+    # A load without a bend needs another EI than that which is stated.
+    assert [one.outcome for one in answers] == [Outcome.INVALID] * 2
     assert not any(one.values for one in answers)
+    assert "the flexural rigidity would be" in answers[0].message
+    assert "sigmas off" in answers[0].message
