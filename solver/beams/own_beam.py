@@ -128,31 +128,28 @@ class OwnBeam(IntegratedBeam):
             return None
         k = len(p)
         steps = _STEP * np.vstack([np.eye(k), -np.eye(k)])
-        line, curvature, named = self._lines(np.vstack([p, p + steps]))
-        if line is None:
+        lines = self._lines(np.vstack([p, p + steps]))
+        if lines is None:
             return None
+        line, curvature, named = lines
         moment = (curvature - _at_rest(line, named)) * self.stiffness(line, named)
-        return _as_bent(line, curvature, named, moment[:, 0])
+        return _as_bent(lines, moment[:, 0])
 
     def after_step(self, p: Floats, step: Floats, ray: float) -> Floats:
         """Return shape and clamp (k + 5,) after a step, by linear theory."""
         del ray
         return straight_in_moments(p, step)
 
-    def _lines(self, rows: Floats) -> tuple[Line | None, Floats, dict[str, Floats]]:
-        """Find the lines of beams with parameters (v, k), and their curvature (v, m).
-
-        There is no line where the iteration does not end.
-        """
+    def _lines(self, rows: Floats) -> "_Lines | None":
+        """Find the lines of beams with parameters (v, k); None where the iteration does not end."""
         at = self.parameters
         named = {name: rows[:, at.span(name)] for name, _ in at.blocks}
         place = named["s_c"]
-        before = sorted(one for one in self.breaks if 0 < one < place[0, 0])
-        beyond = sorted(one for one in self.breaks if place[0, 0] <= one < END)
-        fixed = np.ones_like(place)
-        ends = np.hstack(
-            [0 * fixed, fixed * before, place, fixed * beyond, END * fixed]
-        )  # (v, panels + 1)
+        before = sorted(s for s in self.breaks if 0 < s < place[0, 0])
+        beyond = sorted(s for s in self.breaks if place[0, 0] <= s < END)
+        one = np.ones_like(place)
+        # Ends of the panels (v, panels + 1).
+        ends = np.hstack([0 * one, one * before, place, one * beyond, END * one])
         share = np.linspace(0.0, 1.0, _STEPS + 1)
         # The first and last places of a panel are inside it: a jump is at its end.
         share[0], share[-1] = _INSIDE, 1 - _INSIDE
@@ -173,10 +170,18 @@ class OwnBeam(IntegratedBeam):
             line = line._replace(x=x, y=y, angle=angle)
             if moved < _TOLERANCE:
                 turned = np.abs(angle - angle[:, [contact]])
-                return (line if turned.max() < MOST_ANGLE else None), curvature, named
+                return _Lines(line, curvature, named) if turned.max() < MOST_ANGLE else None
             if not np.abs(angle).max() < np.pi:
                 break
-        return None, zero, named
+        return None
+
+
+class _Lines(NamedTuple):
+    """Lines of v beams, their curvature (v, m), and their parameters by name."""
+
+    line: Line
+    curvature: Floats
+    p: dict[str, Floats]
 
 
 def _at_rest(line: Line, p: Mapping[str, Floats]) -> Floats:
@@ -195,13 +200,13 @@ def _integrated(rate: Floats, lengths: Floats) -> Floats:
     return np.asarray((within + before[:, :, None]).reshape(rate.shape))
 
 
-def _as_bent(line: Line, curvature: Floats, p: Mapping[str, Floats], moment: Floats) -> BentBeam:
+def _as_bent(lines: _Lines, moment: Floats) -> BentBeam:
     """Convert a line, with those of parameters ahead and behind, to a shape with gradients.
 
-    `moment` (v,) is that at the clamp.
-
-    The axes of the curve are along and across the contact's tangent.
+    `moment` (v,) is that at the clamp. The axes of the curve are along and across the contact's
+    tangent.
     """
+    line, curvature, p = lines
     i = line.contact
     axis = line.angle[0, i]
     cosine, sine = np.cos(axis), np.sin(axis)

@@ -11,8 +11,8 @@ class Parameters:
     Raises ValueError if a name is repeated.
 
     >>> at = Parameters((("q", 1), ("widths", 2), ("psi", 1)))
-    >>> at["psi"], at.span("widths"), at.names
-    (3, slice(1, 3, None), ('q', 'widths_0', 'widths_1', 'psi'))
+    >>> at["psi"], at.span("widths"), at.indices("widths", "q")
+    (3, slice(1, 3, None), [1, 2, 0])
     """
 
     blocks: tuple[tuple[str, int], ...]
@@ -40,13 +40,6 @@ class Parameters:
     def indices(self, *names: str) -> list[int]:
         """Return the indices of several blocks, in the order of their names."""
         return [i for name in names for i in range(*self.span(name).indices(len(self)))]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each parameter; those of a block of several are numbered."""
-        return tuple(
-            name if size == 1 else f"{name}_{i}" for name, size in self.blocks for i in range(size)
-        )
 
     def followed_by(self, *blocks: tuple[str, int]) -> "Parameters":
         """Return the parameters with more blocks at their end."""

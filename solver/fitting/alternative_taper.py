@@ -11,9 +11,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from solver.beams.stretch import WIDTHS
+from solver.core.least_squares import NormalEquations
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of, only
 from solver.fitting.frame_start import uniform_start
-from solver.fitting.robust_fit import LeastSquares, least_squares
+from solver.fitting.robust_fit import least_squares
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import FIRST_WIDTH, BeamShape
 from solver.instrument.measurement import Measurement
@@ -84,7 +85,7 @@ def _with_shape(measurement: Measurement, shape: BeamShape) -> Measurement:
     return replace(measurement, rig=replace(measurement.rig, shape=shape))
 
 
-def _best_fit(rod: FrameProblem, starts: Sequence[Floats | None]) -> LeastSquares | None:
+def _best_fit(rod: FrameProblem, starts: Sequence[Floats | None]) -> NormalEquations | None:
     """Return the fit of the least sum of squares from some starts; None if none exists."""
     fits = [fit for p in starts if p is not None and (fit := least_squares(rod, p)) is not None]
     return min(fits, key=lambda fit: fit.objective, default=None)

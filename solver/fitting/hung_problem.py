@@ -1,8 +1,8 @@
 """Fit of a beam with a hung weight: the direction of its force is known, not its friction ratio.
 
-So the parameter `friction_ratio` of the shape is replaced by the error of gravity's direction,
-which has a prior, and the friction ratio follows as in `beams.dead_load`. The weight hangs on the
-beam's axis: its force has no lever about the place at which it acts.
+The parameter `friction_ratio` of the shape is replaced by the error of gravity's direction, which
+has a prior; the friction ratio follows from the direction, as in `beams.dead_load`. The weight
+hangs on the beam's axis: its force has no lever about the place at which it acts.
 """
 
 import math

@@ -7,7 +7,7 @@ residuals are large everywhere, and no point may be rejected for that.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -33,13 +33,6 @@ from solver.uniform.frame_fit import variance_inflation
 # Largest number of times that the cut is reduced. Chosen: as often as it is halved from residuals
 # of 500 sigmas; larger ones come from points of no beam, or from sigmas that are far too small.
 _MOST_CUTS: Final = 9
-
-
-class LeastSquares(NamedTuple):
-    """Parameters `p` (p,) at a minimum, and the sum of squares there with the prior."""
-
-    p: Floats
-    objective: float
 
 
 def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
@@ -84,15 +77,16 @@ def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
     return FrameFit(at.p, covariance, status, at.objective, kept, iterations, inflation)
 
 
-def least_squares(problem: FrameProblem, start: Floats) -> LeastSquares | None:
-    """Minimise the sum of squares from the parameters `start` (p,).
+def least_squares(problem: FrameProblem, start: Floats) -> NormalEquations | None:
+    """Minimise the sum of squares from the parameters `start` (p,); return its equations there.
 
     Return None if no beam has the shape of the start, or if the iteration does not converge.
     """
     minimum = _minimise(problem, start, np.inf)
     if minimum is None or minimum.status != CONVERGED:
         return None
-    return LeastSquares(minimum.at.p, minimum.at.objective)
+    at: NormalEquations = minimum.at
+    return at
 
 
 def _minimise(problem: FrameProblem, start: Floats, cut: float) -> Minimum | None:

@@ -5,13 +5,13 @@ from typing import Final
 
 import numpy as np
 
-from solver.core.least_squares import CONVERGED
+from solver.core.least_squares import CONVERGED, NormalEquations
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.alternative_taper import fit_alternative_taper
 from solver.fitting.frame_estimate import with_bow
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.fitting.reflected_light import lit_by_object, places_of, reflection_matters
-from solver.fitting.robust_fit import LeastSquares, least_squares, robust_fit
+from solver.fitting.robust_fit import least_squares, robust_fit
 from solver.fitting.two_contact_problem import starts_of, two_contact_problem_of
 from solver.fitting.two_contact_values import two_contact_values
 from solver.fitting.verdict import classified_estimate
@@ -81,7 +81,7 @@ def two_contact_estimate(measurement: Measurement) -> Estimate:
 
 def _best_fit(problem: FrameProblem, tilt: float) -> FrameFit | None:
     """Fit from the start that leads to the smallest sum of squares; None if none converges."""
-    best: LeastSquares | None = None
+    best: NormalEquations | None = None
     count = problem.points.shape[1]
     for start in starts_of(problem, tilt, _STARTS):
         minimum = least_squares(problem, start)

@@ -13,7 +13,6 @@ def test_each_name_has_its_place() -> None:
     assert AT.span("widths") == slice(1, 3)
     assert AT.span("bow") == slice(3, 3)
     assert AT.indices("psi", "widths", "bow") == [3, 1, 2]
-    assert AT.names == ("q", "widths_0", "widths_1", "psi")
     assert "psi" in AT
     assert "tilt" not in AT
 

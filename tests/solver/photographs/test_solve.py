@@ -169,7 +169,7 @@ def test_photographs_without_a_beam_have_an_outcome() -> None:
     beam = TracedBeam(points.points, points.normals, points.sigmas, points.widths)
     both = [drawn.shown[0], drawn.shown[0]._replace(beam=beam)]
     answers = answer_photos(photos, list(both), {}).answers
-    # A load without a bend needs another EI than that which is stated.
+    # A load without a bend needs a larger EI than the stated one.
     assert [one.outcome for one in answers] == [Outcome.INVALID] * 2
     assert not any(one.values for one in answers)
     assert "the flexural rigidity would be" in answers[0].message
