@@ -18,9 +18,7 @@ Both stay regular as the force vanishes, where lambda and the contact angle do n
     s_c = lever 2F1(1/2, 1/4; 5/4; (q lever^2 / 2)^2)
 
 Both hypergeometric functions of sin^2(phi) are analytic in 1 - cos(phi), with the nearest
-singularity at 2, so a Chebyshev interpolant of low degree gives them to double precision. This
-module is compiled; `frictional` has the same beam in elliptic integrals, for any direction of the
-force.
+singularity at 2, so a Chebyshev interpolant of low degree gives them to double precision.
 """
 
 from typing import Any, Final

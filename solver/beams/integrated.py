@@ -10,14 +10,14 @@ With sigma the arc length from the contact back to the clamp,
 Q = F / EI at the clamp; w(s) is the width over that at the clamp, so that EI is proportional to its
 fourth power, and b(s) is the curvature at rest (Antman 2005, ch. IV). At the contact psi is
 -atan(friction ratio) and the force's line is sin(atan(friction ratio)) times the radius there away:
-friction acts on the surface. Where the beam is uniform and straight this is the beam of
-`frictional`, and without friction that of `exact`.
+friction acts on the surface. Where the beam is uniform and straight, without friction, this is the
+beam of `exact`.
 
 All lengths are in units of the beam's length. The width is 1 + s (c_0 + c_1 P_1(2 s - 1) + ...)
 with Legendre's polynomials P_k: c_0 alone is a cone, whose tip has the width 1 + c_0. The line at
 rest is b_0 s^2 + b_1 s^3 + ..., whose second derivative is the curvature at rest. A shape has the
 parameters (q, s_c, friction ratio, c_0, c_1, ..., b_0, b_1, ...): q is the force across the beam
-over EI, as in `frictional`.
+over EI.
 """
 
 from typing import Any, Final
@@ -66,7 +66,7 @@ def curve_of(p: Floats, widths: int, radius: float, steps: Any) -> Curve:
 def contact_of(curve: Curve, p: Floats) -> tuple[Floats, Floats]:
     """Compute (F / EI, theta_c, x_c, y_c, s_c, lean) of a curve and its gradients (6, k).
 
-    These are the quantities of `frictional.Contact`, with the load at the clamp's section.
+    These are the quantities of `BentBeam`, with the load at the clamp's section.
     """
     k = len(p)
     values, gradients = np.empty(6), np.zeros((6, k))

@@ -8,7 +8,6 @@ from solver.beams.beam import FRICTION_RATIO, BentBeam
 from solver.core.parameters import Parameters
 from solver.fitting import frames
 from solver.fitting.frame_problem import FrameProblem
-from solver.fitting.unknown_friction import force_variance_second_order
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
@@ -18,7 +17,7 @@ from solver.uniform.fit import FrameFit
 def frame_values(
     measurement: Measurement, rod: FrameProblem, fit: FrameFit, psi_fitted: bool = False
 ) -> tuple[dict[str, float], Floats]:
-    """Compute the values of a fit by name, and their joint covariance, as `values_of`."""
+    """Compute the values of a fit by name, and their joint covariance, as `uniform_values`."""
     count = len(fit.p)
     contact, jacobian = fitted_contact(measurement.rig, rod, fit.p, measurement.motor_angle or 0.0)
     covariance = np.zeros((count + 3, count + 3))
@@ -35,6 +34,16 @@ def frame_values(
         values["force_n"], friction_ratio, friction_ratio_sigma
     )
     return values, result
+
+
+def force_variance_second_order(force: float, friction_ratio: float, sigma: float) -> float:
+    """Compute the second-order variance [N^2] of the force's magnitude due to friction.
+
+    The magnitude is the component across the beam times sqrt(1 + friction ratio^2), whose slope is
+    zero at zero friction ratio. The result is the mean square of the second-order term, for a
+    normally distributed friction ratio with this `sigma`.
+    """
+    return 3 * (force * sigma**2 / (1 + friction_ratio**2) ** 2 / 2) ** 2
 
 
 def input_variances(measurement: Measurement) -> Floats:

@@ -1,12 +1,31 @@
-"""The beam of a push: what differs between a uniform beam and one of changing section."""
+"""The beam of a push and the points of its frames: contacts, first touch, rows of residuals.
 
+A shape has the parameters q, the force across the beam over EI at the clamp [1/m^2]; its place, the
+contact's arc length [m]; the friction ratio; and b parameters of beam and clamp, which all frames
+share.
+"""
+
+import math
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
-from solver.beams.frictional import Contact
-from solver.fitting.push_geometry import FirstTouch
+import numpy as np
+
+from solver.beams.beam import FRICTION_RATIO, S_C, Q
+from solver.beams.curve import END
+from solver.fitting import frames
+from solver.fitting.frame_problem import FrameProblem
+from solver.fitting.frame_values import fitted_contact, input_variances
+from solver.fitting.push_geometry import Contacts, FirstTouch
+from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Rig
+
+# Largest place over the arc length to which a curve is integrated. Chosen.
+_FARTHEST = 0.999
 
 
 class PushPrior(NamedTuple):
@@ -30,57 +49,137 @@ class LastShape(NamedTuple):
     placement: Floats
 
 
-class PushBeam(Protocol):
-    """Shapes of one beam on its clamp, which all frames of a push share.
+class PushPoints(NamedTuple):
+    """Points of a frame without outliers, and their variance inflation."""
 
-    A shape has the parameters q, the force across the beam over EI at the clamp [1/m^2]; its place,
-    which determines the contact; the friction ratio; and b parameters of beam and clamp.
+    problem: FrameProblem
+    variance_inflation: float
+
+
+@dataclass(frozen=True)
+class PushBeam:
+    """Beam of a rig, and the points of a push's n frames.
+
+    The b parameters of beam and clamp are those that `FrameProblem` fits and that frames share, and
+    the errors that all points share.
     """
+
+    frames: tuple[PushPoints, ...]
+    rig: Rig
+
+    @cached_property
+    def fitted(self) -> Floats:
+        """Indices (b,) of the parameters of beam and clamp among those of a frame's problem."""
+        free = self._problem.free
+        return np.asarray(
+            free[~np.isin(free, (Q, S_C, FRICTION_RATIO)) & (free < self._problem.common)]
+        )
 
     @property
     def points(self) -> int:
         """Number of points in all frames."""
-        ...
+        return sum(len(frame.problem.shared) for frame in self.frames)
 
-    @property
+    @cached_property
     def prior(self) -> PushPrior:
-        """PushPrior of the parameters of beam and clamp."""
-        ...
+        """The prior of beam, clamp and shared errors."""
+        information = self._problem.information[np.ix_(self.fitted, self.fitted)]
+        unit = np.sqrt(np.diag(information))
+        values, vectors = np.linalg.eigh(information / np.outer(unit, unit))
+        root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        return PushPrior(self._problem.mean[self.fitted], np.asarray(root * unit))
 
     @property
     def own(self) -> Mapping[str, int]:
-        """Places of the parameters of a user's own beam among those of beam and clamp, by name."""
-        ...
+        """Places of the parameters of a user's own beam among the fitted ones, by name."""
+        at, fitted = self._problem.parameters, self.fitted.tolist()
+        return {
+            name: fitted.index(at[name]) for name in self._problem.beam.prior if at[name] in fitted
+        }
 
-    def farthest(self, q: Floats, friction_ratio: Floats) -> Floats:
-        """Compute the largest places (n,) of shapes."""
-        ...
+    @property
+    def farthest(self) -> float:
+        """Largest place [m]: where curves end."""
+        return _FARTHEST * END * self.rig.beam.length
 
     def contacts(
         self, q: Floats, place: Floats, friction_ratio: Floats, beam: Floats
-    ) -> Contact | None:
+    ) -> Contacts | None:
         """Compute the contacts (n,) of shapes, relative to the clamp's tangent without load.
 
-        The gradients (k, n) are by q, place, friction ratio, and then by the parameters of beam and
-        clamp, or by none of them where they have no effect. Returns None if a shape does not exist.
+        The gradients (3 + b, n) are by q, place, friction ratio, and the parameters of beam and
+        clamp. Returns None if a shape does not exist.
         """
-        ...
+        rows = [
+            self._contact(i, self._parameters(i, *shape, beam))
+            for i, shape in enumerate(zip(q, place, friction_ratio, strict=True))
+        ]
+        present = [row for row in rows if row is not None]
+        if len(present) < len(rows):
+            return None
+        length = self.rig.beam.length
+        table = np.moveaxis(np.array(present), 0, -1)  # (6, 1 + p, n)
+        table *= np.array([length**-2, 1.0, length, length, length, 1.0])[:, None, None]
+        gradients = table[:, 1 + np.array([Q, S_C, FRICTION_RATIO, *self.fitted])]
+        gradients[:, 0] *= length**2
+        gradients[:, 1] /= length
+        return Contacts(table[:, 0], gradients)
 
     def first_touch(self, x0: float, beam: Floats) -> FirstTouch:
-        """Compute the line of the beam at first contact; its gradients are as in `contacts`."""
-        ...
+        """Compute the line of the beam at first contact, with gradients (3, 1 + b) by x0 and beam.
+
+        It is that of the bowed beam, at the surface of a beam as thick as at its clamp.
+        """
+        length, bow = self.rig.beam.length, self._problem.parameters.span("bow")
+        p, x = self._parameters(0, 0.0, x0, 0.0, beam), x0 / length
+        orders = np.arange(2, 2 + bow.stop - bow.start)
+        height, slope = p[bow] @ x**orders, p[bow] @ (orders * x ** (orders - 1))
+        bend = p[bow] @ (orders * (orders - 1) * x ** (orders - 2))
+        angle, (excess, by_excess) = math.atan(slope), self._thicker(p, x)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        position, across = x * cosine + height * sine, height * cosine - x * sine
+        # By x0, and by all parameters.
+        gradients = np.zeros((3, 1 + len(p)))
+        by_bow = slice(1 + bow.start, 1 + bow.stop)
+        gradients[2, 0] = bend * cosine**2
+        gradients[2, by_bow] = orders * x ** (orders - 1) * cosine**2
+        gradients[0] = across * gradients[2]
+        gradients[1] = -position * gradients[2]
+        gradients[0, 0] += cosine + slope * sine
+        gradients[1, 0] += slope * cosine - sine
+        gradients[0, by_bow] += x**orders * sine
+        gradients[1, by_bow] += x**orders * cosine
+        gradients[1, 0] -= by_excess[S_C]
+        gradients[1, 1:] -= np.where(np.arange(len(p)) == S_C, 0.0, by_excess)
+        chosen = gradients[:, [0, *(1 + self.fitted)]]
+        chosen[:2, 1:] *= length
+        chosen[2, 0] /= length
+        return FirstTouch(float(position * length), float(across - excess) * length, angle, chosen)
 
     def rows(
-        self, frame: int, q: float, place: float, friction_ratio: float | None, beam: Floats
+        self, frame: int, q: float, place: float, friction_ratio: float, beam: Floats
     ) -> Floats | None:
-        """Compute rows in sigmas: residual, Jacobian by q, place, beam, clamp, friction ratio.
+        """Compute rows in sigmas: Jacobian by q, place, beam and clamp, friction ratio; residual.
 
         They have the sum of squares and the gradient of all points (QR), so that the size of a
-        joint problem depends only on the number of frames. Errors that all points share, and that
-        are not among the parameters, follow in more columns. The friction ratio is None without
-        friction. Returns None if the shape does not exist.
+        joint problem depends only on the number of frames. Returns None if the
+        shape does not exist.
         """
-        ...
+        problem, inflation = self.frames[frame]
+        own, count = problem.own_errors, len(problem.mean)
+        shared = self._parameters(frame, q, place, friction_ratio, beam)
+        at = residuals_at(problem, np.append(shared, np.zeros(own)))
+        if at is None:
+            return None
+        length = self.rig.beam.length
+        # Errors of this frame's own, with unit prior, come first: they are eliminated.
+        order = [*range(count - own, count), Q, S_C, *self.fitted, FRICTION_RATIO]
+        columns = np.vstack([at[1][order], at[0]])
+        columns[own] *= length**2
+        columns[own + 1] /= length
+        prior = np.eye(own, len(columns)) * math.sqrt(inflation)
+        condensed = np.asarray(np.linalg.qr(np.vstack([prior, columns.T]), mode="r"))
+        return condensed[own:, own:] / math.sqrt(inflation)
 
     def last_shape(
         self,
@@ -88,15 +187,73 @@ class PushBeam(Protocol):
         q: float,
         place: float,
         beam: Floats,
-        friction_ratio: float | None,
+        friction_ratio: float,
         motor_angle: float,
     ) -> LastShape:
         """Compute the values of the last frame, whose shape has these parameters."""
-        ...
+        p = self._parameters(len(self.frames) - 1, q, place, friction_ratio, beam)
+        contact, by_p = fitted_contact(self.rig, self.frames[-1].problem, p, motor_angle)
+        values, by_contact, placement = frames.in_all_frames(last, contact, clamp_fitted=True)
+        count = len(p)
+        columns = [Q, S_C, *self.fitted, FRICTION_RATIO, count, count + 1, count + 2]
+        jacobian = (by_contact @ by_p)[:, columns]
+        jacobian[:, 0] *= self.rig.beam.length**2
+        jacobian[:, 1] /= self.rig.beam.length
+        return LastShape(values, jacobian, input_variances(last)[1:], placement)
 
+    @property
+    def _problem(self) -> FrameProblem:
+        """Problem whose prior all frames share."""
+        return self.frames[0].problem
 
-class PushFrame(NamedTuple):
-    """Bent frame: motor angle [rad], and whether the beam was free before."""
+    def _parameters(
+        self, frame: int, q: float, place: float, friction_ratio: float, beam: Floats
+    ) -> Floats:
+        """Return the parameters (p,) of a frame's problem before the errors of the frame's own.
 
-    motor_angle: float
-    begins: bool = False
+        The bow differs from that of the first frame by what the beam's own weight changes.
+        """
+        problem, length = self.frames[frame].problem, self.rig.beam.length
+        p = problem.mean[: problem.common].copy()
+        p[[Q, S_C, FRICTION_RATIO]] = q * length**2, place / length, friction_ratio
+        p[self.fitted] += beam - self._problem.mean[self.fitted]
+        return p
+
+    def _contact(self, frame: int, p: Floats) -> Floats | None:
+        """Compute the quantities of `BentBeam` relative to the clamp, with gradients (6, 1 + p).
+
+        The contact is that of a beam as thick as at its clamp. Returns None without a shape.
+        """
+        bent = self.frames[frame].problem.bent(p)
+        if bent is None:
+            return None
+        table, size = np.zeros((6, 1 + len(p))), len(bent.by_moment)
+        table[:, 0], table[:, 1 : 1 + size] = bent.contacts[-1], bent.by_contacts[-1]
+        _, theta, x, y, _, _ = table
+        excess, by_excess = self._thicker(p, p[S_C])
+        surface = np.append(excess, by_excess)
+        sine, cosine = math.sin(theta[0]), math.cos(theta[0])
+        by_theta = np.append(0.0, theta[1:])
+        x, y = (
+            x + sine * surface + excess * cosine * by_theta,
+            y - cosine * surface + excess * sine * by_theta,
+        )
+        # The clamp turns under its moment.
+        softness = self._problem.parameters["softness"]
+        turn = np.zeros(1 + len(p))
+        turn[0], turn[1 : 1 + size] = p[softness] * bent.moment, p[softness] * bent.by_moment
+        turn[1 + softness] = bent.moment
+        sine, cosine = math.sin(turn[0]), math.cos(turn[0])
+        by_turn = np.append(0.0, turn[1:])
+        turned_x, turned_y = cosine * x - sine * y, sine * x + cosine * y
+        table[2] = turned_x - turned_y[0] * by_turn
+        table[3] = turned_y + turned_x[0] * by_turn
+        table[1] += turn
+        return table
+
+    def _thicker(self, p: Floats, s: float) -> tuple[float, Floats]:
+        """Compute the radius at s over that at the clamp, as a difference, with gradient (p,)."""
+        beam, gradient = self._problem.beam, np.zeros(len(p))
+        radius = beam.radius_at(p, s)
+        gradient[: len(radius.gradient)] = radius.gradient
+        return radius.value - beam.radius, gradient

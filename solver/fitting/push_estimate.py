@@ -10,8 +10,8 @@ from scipy.special import chdtri
 
 from solver.core.least_squares import Fit
 from solver.core.thresholds import THRESHOLDS
+from solver.fitting.frame_values import force_variance_second_order
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, PushAt
-from solver.fitting.unknown_friction import force_variance_second_order
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption, Estimate, FittedParameter, Outcome
@@ -38,7 +38,7 @@ def single_frame(estimate: Estimate, reason: str) -> Estimate:
 
 def push_estimate(at: PushAt, last: Measurement, fit: Fit, single: Estimate) -> Estimate:
     """Return the estimate, or the outcome if the frames are inconsistent or insufficient."""
-    push, count, chi2 = at.push, len(at.frames), fit.chi2
+    push, count, chi2 = at.push, len(at.push.frames), fit.chi2
     dof = push.beam.points + 1 - PUSH
 
     def failure(message: str, assumption: Assumption | None = None) -> Estimate:
@@ -139,7 +139,7 @@ def _quantities(at: PushAt, last: Measurement, fit: Fit) -> tuple[dict[str, floa
         float(fit.parameters[count - 1]),
         float(shapes.places[-1]),
         fit.parameters[push.base],
-        friction_ratio if push.friction else None,
+        friction_ratio,
         # The encoder's reading, corrected by the shapes: onset less the pushing angle.
         onset - side * float(shapes.pushing_angles[-1]),
     )

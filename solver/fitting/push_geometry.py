@@ -24,13 +24,21 @@ A bowed beam is inclined to its clamp by an angle at first contact, which delta 
 its tangent there passes the clamp at a distance: the y equation has -reach + height on its right.
 """
 
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from solver.beams.frictional import Contact
 from solver.instrument.arrays import Floats
+
+
+class Contacts(NamedTuple):
+    """Contacts of n shapes, `values` (6, n), with `gradients` (6, k, n) by k parameters.
+
+    They are (force over EI, theta_c, x_c, y_c, s_c, lean), as in `beams.beam.BentBeam`, in SI.
+    """
+
+    values: Floats
+    gradients: Floats
 
 
 class FirstTouch(NamedTuple):
@@ -47,28 +55,16 @@ class FirstTouch(NamedTuple):
     gradients: Floats
 
 
-def about_axis(contact: Contact, offset: Floats) -> Contact:
+def about_axis(contacts: Contacts, offset: Floats) -> Contacts:
     """Return contacts relative to the motor's axis, of a clamp at `offset` (2,) [m] from it.
 
     The last two gradients are by the offset.
     """
-
-    def with_offset(gradient: Floats, by_offset: tuple[float, float] = (0.0, 0.0)) -> Floats:
-        longer = np.empty((len(gradient) + 2, gradient.shape[1]))
-        longer[:-2], longer[-2], longer[-1] = gradient, *by_offset
-        return longer
-
-    return replace(
-        contact,
-        x_c=contact.x_c + offset[0],
-        y_c=contact.y_c + offset[1],
-        d_load=with_offset(contact.d_load),
-        d_theta_c=with_offset(contact.d_theta_c),
-        d_lean=with_offset(contact.d_lean),
-        d_x_c=with_offset(contact.d_x_c, (1.0, 0.0)),
-        d_y_c=with_offset(contact.d_y_c, (0.0, 1.0)),
-        d_s_c=with_offset(contact.d_s_c),
-    )
+    values = contacts.values.copy()
+    values[2:4] += offset[:, None]
+    by_offset = np.zeros((len(values), 2, values.shape[1]))
+    by_offset[2, 0] = by_offset[3, 1] = 1.0
+    return Contacts(values, np.concatenate([contacts.gradients, by_offset], axis=1))
 
 
 def first_about_axis(first: FirstTouch, offset: Floats) -> FirstTouch:
@@ -85,8 +81,7 @@ def first_about_axis(first: FirstTouch, offset: Floats) -> FirstTouch:
     )
 
 
-@dataclass(frozen=True)
-class Touch:
+class Touch(NamedTuple):
     """Pushes that make shapes (n,), each quantity with its gradient (k + 3, n).
 
     `pushing_angle` [rad] is the clamp's rotation since first contact, `excess` [m] the object's
@@ -101,57 +96,55 @@ class Touch:
 
 
 def touch(
-    contact: Contact, first: FirstTouch, compliance: float, reach: float, rigidity: float
+    contacts: Contacts, first: FirstTouch, compliance: float, reach: float, rigidity: float
 ) -> Touch | None:
     """Compute the pushes that make shapes with these contacts (n,), of a beam with EI `rigidity`.
 
     The gradients (k, n) of the contacts are by q, place, friction ratio and the beam's parameters.
     Returns None if no pushing angle below a right angle makes a shape.
     """
-    sine, cosine = np.sin(contact.theta_c), np.cos(contact.theta_c)
-    force_sine, force_cosine = (
-        np.sin(contact.theta_c + contact.lean),
-        np.cos(contact.theta_c + contact.lean),
-    )
-    deflection = compliance * rigidity * contact.load
-    along = contact.x_c + reach * sine - deflection * force_sine
-    across = contact.y_c - reach * cosine + deflection * force_cosine
+    load, theta, x, y, _, lean = contacts.values
+    beta = theta + lean
+    deflection = compliance * rigidity * load
+    along = x + reach * np.sin(theta) - deflection * np.sin(beta)
+    across = y - reach * np.cos(theta) + deflection * np.cos(beta)
     radius = np.hypot(along, across)
     offset = reach - first.height
     if np.any(abs(offset) >= radius):
         return None
     delta = np.arctan2(across, along) + np.arcsin(offset / radius)
-    delta_sine, delta_cosine = np.sin(delta), np.cos(delta)
-    slope = along * delta_cosine + across * delta_sine
+    sine, cosine = np.sin(delta), np.cos(delta)
+    slope = along * cosine + across * sine
     if np.any((slope <= 0) | (np.abs(delta) >= np.pi / 2)):
         return None
-    n, k = len(delta), len(contact.d_x_c)
-
-    def by_all(by_contact: Floats) -> Floats:
-        return np.concatenate([by_contact, np.zeros((3, n))])
-
-    d_theta, d_x, d_y = by_all(contact.d_theta_c), by_all(contact.d_x_c), by_all(contact.d_y_c)
-    d_beta = d_theta + by_all(contact.d_lean)
-    d_deflection = compliance * rigidity * by_all(contact.d_load)
-    d_deflection[k] = rigidity * contact.load
-    d_reach, d_first = np.zeros((k + 3, 1)), np.zeros((3, k + 3, 1))
-    d_reach[k + 1] = 1.0
-    d_first[:, k + 2, 0], d_first[:, 3:k, 0] = first.gradients[:, 0], first.gradients[:, 1:]
-    d_position, d_height, d_angle = d_first
-    d_along = d_x + sine * d_reach + reach * cosine * d_theta
-    d_along -= force_sine * d_deflection + deflection * force_cosine * d_beta
-    d_across = d_y - cosine * d_reach + reach * sine * d_theta
-    d_across += force_cosine * d_deflection - deflection * force_sine * d_beta
-    d_delta = (delta_cosine * d_across - delta_sine * d_along + (d_reach - d_height)) / slope
-    world_sine, world_cosine = np.sin(contact.theta_c - delta), np.cos(contact.theta_c - delta)
-    distance = contact.x_c * delta_cosine + contact.y_c * delta_sine + reach * world_sine
-    d_distance = (
-        delta_cosine * d_x
-        + delta_sine * d_y
-        + (contact.y_c * delta_cosine - contact.x_c * delta_sine) * d_delta
-        + world_sine * d_reach
-        + reach * world_cosine * (d_theta - d_delta)
+    # In the world, the normal at the contact is turned by theta_c - delta, the force by its lean
+    # more.
+    normal_sine, normal_cosine = np.sin(theta - delta), np.cos(theta - delta)
+    force_sine, force_cosine = np.sin(beta - delta), np.cos(beta - delta)
+    n, k = len(delta), contacts.gradients.shape[1]
+    zero = np.zeros(n)
+    # Derivatives of delta, and of the excess with delta held, by the contacts' six quantities.
+    by_lean = -deflection * force_sine
+    of_delta = np.array(
+        [
+            compliance * rigidity * force_cosine,
+            reach * normal_sine + by_lean,
+            -sine,
+            cosine,
+            zero,
+            by_lean,
+        ]
     )
-    return Touch(
-        delta - first.angle, distance - first.position, d_delta - d_angle, d_distance - d_position
-    )
+    of_excess = np.array([zero, reach * normal_cosine, cosine, sine, zero, zero])
+    by = np.zeros((2, k + 3, n))
+    np.einsum("cn,ckn->kn", of_delta, contacts.gradients, out=by[0, :k])
+    np.einsum("cn,ckn->kn", of_excess, contacts.gradients, out=by[1, :k])
+    by[0, k], by[0, k + 1] = rigidity * load * force_cosine, 1 - normal_cosine
+    by[1, k + 1] = normal_sine
+    by_first = np.zeros((3, k + 3, 1))
+    by_first[:, k + 2, 0], by_first[:, 3:k, 0] = first.gradients[:, 0], first.gradients[:, 1:]
+    by[0] = (by[0] - by_first[1]) / slope
+    by[1] += (y * cosine - x * sine - reach * normal_cosine) * by[0] - by_first[0]
+    by[0] -= by_first[2]
+    excess = x * cosine + y * sine + reach * normal_sine - first.position
+    return Touch(delta - first.angle, excess, by[0], by[1])

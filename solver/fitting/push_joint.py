@@ -17,9 +17,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.linalg import lstsq
 
-from solver.core.least_squares import Rows
+from solver.core.least_squares import Fit, Rows, fit_rows
 from solver.core.thresholds import THRESHOLDS
-from solver.fitting.push_beam import PushBeam, PushFrame
+from solver.fitting.push_beam import PushBeam
 from solver.fitting.push_geometry import about_axis, first_about_axis, touch
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
@@ -37,8 +37,14 @@ RADIUS_SIGMA: Final = 0.05
 FRICTION_PRIOR_SIGMA: Final = 0.4
 
 
-@dataclass(frozen=True)
-class Shapes:
+class PushFrame(NamedTuple):
+    """Bent frame: motor angle [rad], and whether the beam was free before."""
+
+    motor_angle: float
+    begins: bool = False
+
+
+class Shapes(NamedTuple):
     """Places and pushing angles of a push's n frames, as functions of its parameters (p,).
 
     `places` (n,) [m] and `pushing_angles` (n,) [rad] have the gradients (n, p), and those by the
@@ -95,8 +101,29 @@ class Push:
         """Whether the push is modelled with friction."""
         return bool(self.ratio_matrix.shape[1])
 
-    def shapes(self, parameters: Floats) -> Shapes | None:
-        """Solve for the places with the object at x0, by Newton's steps; None if none exist."""
+    def fit(self, start: Floats) -> Fit:
+        """Fit from a start (p,), whose shapes exist."""
+        last: tuple[Floats, Shapes] | None = None
+
+        def rows(parameters: Floats) -> Rows | None:
+            nonlocal last
+            near = None
+            if last is not None:
+                before, shapes = last
+                near = shapes.places + shapes.d_places @ (parameters - before)
+            at = self.at(parameters, near)
+            if at is None:
+                return None
+            last = parameters, at.shapes
+            return at.joint
+
+        return fit_rows(rows, start)
+
+    def shapes(self, parameters: Floats, near: Floats | None = None) -> Shapes | None:
+        """Solve for the places with the object at x0, by Newton's steps; None if none exist.
+
+        The steps begin at places `near` (n,) the solution, or at x0.
+        """
         count, length = len(self.frames), self.rig.beam.length
         q, friction_ratio = parameters[:count], self.ratio_matrix @ parameters[self.size :]
         x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
@@ -104,8 +131,9 @@ class Push:
             return None
         beam, rigidity = parameters[self.base], self.rig.beam.flexural_rigidity
         first = first_about_axis(self.beam.first_touch(x0, beam), self.offset)
-        max_places = 0.999 * self.beam.farthest(q, friction_ratio)
-        places = np.minimum(x0, max_places)
+        max_place = 0.999 * self.beam.farthest
+        places = np.full(count, x0) if near is None else near
+        places = np.clip(places, 0.1 * x0, max_place)
         for _ in range(_MAX_STEPS):
             contacts = self.beam.contacts(q, places, friction_ratio, beam)
             if contacts is None:
@@ -116,7 +144,7 @@ class Push:
             step = touches.excess / touches.d_excess[1]
             if np.abs(step).max() < _PLACE_TOLERANCE * length:
                 break
-            places = np.clip(places - step, 0.1 * places, max_places)
+            places = np.clip(places - step, 0.1 * places, max_place)
         else:
             return None
         # Derivatives by all but the places at constant excess, which is zero: the places follow.
@@ -150,12 +178,19 @@ class Push:
         at = self.at(parameters)
         return None if at is None else at.joint
 
-    def at(self, parameters: Floats) -> "PushAt | None":
-        """Compute shapes and residuals; None if a shape or its push does not exist."""
-        shapes = self.shapes(parameters)
+    def at(self, parameters: Floats, near: Floats | None = None) -> "PushAt | None":
+        """Compute shapes and residuals; None if a shape or its push does not exist.
+
+        `near` is that of `shapes`.
+        """
+        shapes = self.shapes(parameters, near)
         if shapes is None:
             return None
-        frames = [self._rows(i, parameters, shapes.places) for i in range(len(self.frames))]
+        ratios, base = self.ratio_matrix @ parameters[self.size :], parameters[self.base]
+        frames = [
+            self.beam.rows(i, parameters[i], shapes.places[i], ratios[i], base)
+            for i in range(len(self.frames))
+        ]
         present = [rows for rows in frames if rows is not None]
         if len(present) < len(frames):
             return None
@@ -171,7 +206,7 @@ class Push:
             np.append(images.residual, residual),
             np.hstack([by_parameters @ images.jacobian, jacobian]),
         )
-        return PushAt(self, shapes, present, images, joint)
+        return PushAt(self, shapes, images, joint)
 
     def _images(self, parameters: Floats, frames: Sequence[Floats]) -> Rows:
         """Return the residuals of the images: a few rows of each of the `frames`, and the prior.
@@ -192,13 +227,6 @@ class Push:
         jacobian[self.base, ends[-1] :] = prior.root.T
         residual[ends[-1] :] = prior.root @ (parameters[self.base] - prior.mean)
         return Rows(residual, jacobian)
-
-    def _rows(self, i: int, parameters: Floats, places: Floats) -> Floats | None:
-        """Compute the rows of a frame, as `PushBeam.rows`."""
-        friction_ratio = (
-            float(self.ratio_matrix[i] @ parameters[self.size :]) if self.friction else None
-        )
-        return self.beam.rows(i, parameters[i], places[i], friction_ratio, parameters[self.base])
 
     def _push_residuals(self, parameters: Floats, shapes: Shapes) -> Rows:
         """Compute the push's residuals: pushing angles (n), priors of radius and friction."""
@@ -225,31 +253,19 @@ class Push:
 class PushAt(NamedTuple):
     """A push at some parameters (p,): its shapes, and residuals with Jacobian in sigmas.
 
-    `frames` are the rows of each frame, as `PushBeam.rows`, `images` those of all frames with the
-    prior, `joint` those of the push as well.
+    `images` are the rows of all frames, as `PushBeam.rows`, with the prior; `joint` those of the
+    push as well.
     """
 
     push: Push
     shapes: Shapes
-    frames: list[Floats]
     images: Rows
     joint: Rows
-
-    def moved_by_shared_errors(self, covariance: Floats) -> Floats:
-        """Compute the displacement (p, k) of a fit by one sigma of each shared error."""
-        columns = self.push.base.stop - len(self.frames) + 4
-        errors = [rows[:, columns:] for rows in self.frames]
-        shared = np.zeros((len(self.joint.residual), max(one.shape[1] for one in errors)))
-        first = 0
-        for error in errors:
-            shared[first : first + len(error), : error.shape[1]] = error
-            first += len(error)
-        return np.asarray(covariance @ self.joint.jacobian @ shared)
 
     def moved_by_offset(self, covariance: Floats) -> Floats:
         """Compute the displacement (p, 2) of a fit by one sigma each of the clamp's offset."""
         push, images, shapes = self.push, self.images, self.shapes
-        count, size, angles = len(self.frames), push.base.stop, len(images.residual)
+        count, size, angles = len(push.frames), push.base.stop, len(images.residual)
         by_offset = np.zeros((len(self.joint.residual), 2))
         by_offset[:angles] = images.jacobian[size : size + count].T @ shapes.places_by_offset
         by_offset[angles : angles + count] = shapes.angles_by_offset / push.encoder_sigma

@@ -8,8 +8,11 @@ import numpy as np
 from solver.beams.beam import FRICTION_RATIO
 from solver.fitting import frames
 from solver.fitting.frame_problem import FrameProblem
-from solver.fitting.frame_values import input_variances, mounted_contact
-from solver.fitting.unknown_friction import force_variance_second_order
+from solver.fitting.frame_values import (
+    force_variance_second_order,
+    input_variances,
+    mounted_contact,
+)
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 from solver.uniform.fit import FrameFit

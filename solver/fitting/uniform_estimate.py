@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
-from solver.fitting.values import values_of
+from solver.fitting.uniform_values import uniform_values
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.uniform.fit import fit_from, start_of
@@ -30,6 +30,6 @@ def uniform_estimate(measurement: Measurement) -> UniformEstimate:
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or fit is None:
         return UniformEstimate(refusal or Estimate(Outcome.NOT_CONVERGED))
-    values, covariance = values_of(measurement, fit, known_psi is not None)
+    values, covariance = uniform_values(measurement, fit, known_psi is not None)
     estimate = estimate_from_fit(measurement, problem, fit, values, covariance)
     return UniformEstimate(estimate, fit.variance_inflation == 1)

@@ -27,7 +27,7 @@ from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.fitting.frame_values import frame_values
 from solver.fitting.space_fits import fits_in_space, problem_in_plane
 from solver.fitting.stated_beam import prior_conflict
-from solver.fitting.values import values_of
+from solver.fitting.uniform_values import uniform_values
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
@@ -100,7 +100,7 @@ def _fit(measurement: Measurement) -> Estimate:
         return refusal
     best = replace(best, covariance=best.covariance + np.outer(spread, spread))
     values, covariance = (
-        values_of(measurement, best, True)
+        uniform_values(measurement, best, True)
         if rod is None
         else frame_values(measurement, rod, best, psi_fitted=True)
     )

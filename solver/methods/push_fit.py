@@ -32,7 +32,6 @@ from typing import Final
 
 import numpy as np
 
-from solver.core.least_squares import fit_rows
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.frame_problem import OwnBeamOf
 from solver.fitting.push_estimate import push_estimate, single_frame
@@ -68,10 +67,14 @@ def push_fit(
     With `friction`, or where the rig states that objects may have it, also estimate its
     coefficient, which a single frame does not determine. `beam` is that of `exact_fit`.
     """
-    uniform = measurement.uniform and beam is None
-    if friction and not (uniform or measurement.rig.shape.ratio_sigma):
-        measurement = _with_friction(measurement)
-    single = _rough(measurement) if friction and uniform else exact_fit(measurement, beam=beam)
+    stated_sigma = measurement.rig.shape.ratio_sigma
+    friction_sigma = stated_sigma or (FRICTION_PRIOR_SIGMA if friction else 0.0)
+    single = exact_fit(measurement, beam=beam)
+    if friction_sigma and not stated_sigma:
+        if measurement.uniform and beam is None:
+            # Not judged: friction bends a beam much as a taper does.
+            single = uniform_estimate(measurement).estimate
+        single = with_unknown_friction(single, measurement, beam, friction_sigma)
     if not single.values:
         return single
     if measurement.rig.known_psi:
@@ -96,26 +99,21 @@ def push_fit(
     start = _start(push, bent)
     if start is None or push.residuals(start) is None:
         return Estimate(Outcome.INVALID, "the frames' shapes do not fit one push")
-    friction_sigma = measurement.rig.shape.ratio_sigma or (
-        FRICTION_PRIOR_SIGMA if friction else 0.0
-    )
     if friction_sigma:
         push = _sliding(replace(push, friction_sigma=friction_sigma), bent, start, _START_SIGMA)
         start = np.append(start, np.zeros(push.ratio_matrix.shape[1]))
-    fit = fit_rows(push.residuals, start)
+    fit = push.fit(start)
     if friction_sigma and not fit.rank_deficient:
         sigma = 2 * np.sqrt(fit.covariance[push.size - 2, push.size - 2])
         again = _sliding(push, bent, fit.parameters, sigma * _unit_stiffness(push, bent))
         if not np.array_equal(again.ratio_matrix, push.ratio_matrix):
             no_ratios = np.zeros(again.ratio_matrix.shape[1])
             push, start = again, np.append(fit.parameters[: push.size], no_ratios)
-            fit = fit_rows(push.residuals, start)
+            fit = push.fit(start)
     at = push.at(fit.parameters)
     assert at is not None, "the fit has shapes"
     if not fit.rank_deficient:
-        moved = np.hstack(
-            [at.moved_by_shared_errors(fit.covariance), at.moved_by_offset(fit.covariance)]
-        )
+        moved = at.moved_by_offset(fit.covariance)
         fit = replace(fit, covariance=fit.covariance + moved @ moved.T)
     return push_estimate(at, measurement, fit, single)
 
@@ -153,19 +151,6 @@ def _sliding(push: Push, bent: BentFrames, parameters: Floats, compliance_sigma:
 def _unit_stiffness(push: Push, bent: BentFrames) -> float:
     """Compute the beam's own stiffness [N/m] against the object."""
     return 3 * push.rig.beam.flexural_rigidity / bent.place**3
-
-
-def _rough(measurement: Measurement) -> Estimate:
-    """Estimate from the last frame of a uniform beam, whose image may be that of friction."""
-    return with_unknown_friction(uniform_estimate(measurement).estimate, measurement)
-
-
-def _with_friction(measurement: Measurement) -> Measurement:
-    """Return the measurement and its earlier frames with a rig that states friction."""
-    rig = measurement.rig
-    rough = replace(rig, shape=replace(rig.shape, friction_sigma=FRICTION_PRIOR_SIGMA))
-    earlier = tuple(replace(frame, rig=rough) for frame in measurement.earlier)
-    return replace(measurement, rig=rough, earlier=earlier)
 
 
 def _start(push: Push, bent: BentFrames) -> Floats | None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.beams import frictional
+from tests import frictional
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.planar import push
 from vbaa_bench.mechanics.state import EquilibriumError

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from solver.beams import frictional
 from solver.beams.beam import FRICTION_RATIO, Q
 from solver.beams.curve import P, U, interpolated
 from solver.beams.integrated import STEPS, contact_of, curve_of
 from solver.beams.stretch import WIDTHS, width_at
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from tests import frictional
 
 RADIUS = 1 / 600
 TAPERED = np.array([3.0, 0.6, -0.3, -0.4])

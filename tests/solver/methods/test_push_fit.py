@@ -4,21 +4,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.beams import frictional
 from solver.core.least_squares import fit_rows
-from solver.fitting.push_beam import PushFrame
-from solver.fitting.push_geometry import FirstTouch, Touch, touch
+from solver.fitting.push_frames import bent_frames
+from solver.fitting.push_geometry import Contacts, FirstTouch, Touch, touch
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, Push
-from solver.fitting.push_uniform import UniformPoints, UniformPush
 from solver.fitting.sliding import ratio_matrix
 from solver.fitting.uniform_estimate import uniform_estimate
-from solver.fitting.values import shape_quantities
+from solver.fitting.uniform_values import shape_quantities
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.push_fit import push_fit, push_fit_friction
-from solver.uniform.problem import problem_of
+from tests import frictional
 from tests.consistency import MOST_SIGMAS, nees
 from tests.draws import generator
 from tests.oracle import oracle
@@ -45,7 +43,11 @@ def touched(
 ) -> Touch | None:
     """The push of one shape, of an object at zero."""
     shape = np.array([[q], [lever], [friction_ratio]])
-    contact = frictional.contact(shape[0], shape[1], shape[2], BEAM.radius)
+    at = frictional.contact(shape[0], shape[1], shape[2], BEAM.radius)
+    contact = Contacts(
+        np.array([at.load, at.theta_c, at.x_c, at.y_c, at.s_c, at.lean]),
+        np.array([at.d_load, at.d_theta_c, at.d_x_c, at.d_y_c, at.d_s_c, at.d_lean]),
+    )
     first = FirstTouch(0.0, 0.0, 0.0, np.array([[1.0], [0.0], [0.0]]))
     return touch(contact, first, compliance, reach, RIGIDITY)
 
@@ -120,21 +122,16 @@ def test_the_gradients_of_a_push_are_its_derivatives() -> None:
 
 
 @pytest.mark.parametrize("mount", ["antenna", "world"])
-@pytest.mark.parametrize("friction_ratio", [0.0, 0.3])
-def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(
-    mount: str, friction_ratio: float
-) -> None:
+def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(mount: str) -> None:
     measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(5.0,))
     seen = mirrored(measurement)
     if mount == "world":
         seen = replace(seen, motor_angle=None)
     seen = replace(seen, rig=replace(seen.rig, camera_mount=mount))
-    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0, friction_ratio])
+    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0])
 
     def values(p: Floats) -> tuple[Floats, Floats]:
-        told, jacobian, _ = shape_quantities(
-            seen, p, psi_fitted=True, clamp_fitted=True, friction_fitted=friction_ratio != 0
-        )
+        told, jacobian, _ = shape_quantities(seen, p, psi_fitted=True, clamp_fitted=True)
         assert len(told) == (19 if mount == "world" else 18)
         return np.array(list(told.values())), jacobian
 
@@ -149,8 +146,8 @@ def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(
     # Lengths that err by a share, all of them, but for where the clamp stands; of a thin beam.
     thin = replace(seen.rig.beam, diameter=1e-9)
     seen = replace(seen, rig=replace(seen.rig, beam=thin))
-    still_clamp = at * [1, 1, 1, 0, 0, 1, 1, 1, 1, 1]
-    larger, smaller = (still_clamp * [s**-2, s, *[1] * 8] for s in (1 + 1e-6, 1 - 1e-6))
+    still_clamp = at * [1, 1, 1, 0, 0, 1, 1, 1, 1]
+    larger, smaller = (still_clamp * [s**-2, s, *[1] * 7] for s in (1 + 1e-6, 1 - 1e-6))
     slope = (values(larger)[0] - values(smaller)[0]) / 2e-6
     assert values(still_clamp)[1][:, 8] == pytest.approx(slope, rel=1e-5, abs=1e-7)
 
@@ -584,17 +581,15 @@ def joint_push(
 ) -> tuple[Push, Floats]:
     """A push of a uniform beam against an object at 120 mm, and a start of its fit."""
     last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles_deg)
-    push_frames = (*last.earlier, last)
-    frames = tuple(PushFrame(one.motor_angle or 0.0) for one in push_frames)
-    points = [UniformPoints(problem_of(one, with_tip=False), 1.0) for one in push_frames]
-    beam = UniformPush(tuple(points), last.rig, last.base_covariance)
+    bent = bent_frames(last)
+    assert bent is not None
+    assert len(bent.frames) == len(angles_deg)
     pushing = np.radians(angles_deg)
     matrix = ratio_matrix(pushing, [False] * len(angles_deg), ENCODER_SIGMA, 0.0, 0.0)
     if not friction:
         matrix = matrix[:, :0]
-    bends = 2 * pushing / 0.12**2
-    start = [*bends, 0.0, 0.0, 0.0, 0.12, ONSET, 0.0, 2e-3, *[0.0] * matrix.shape[1]]
-    return Push(frames, last.rig, beam, matrix), np.array(start)
+    at_rest = [0.12, ONSET, 0.0, 2e-3, *[0.0] * matrix.shape[1]]
+    return Push(bent.frames, last.rig, bent.beam, matrix), np.array([*bent.q, *bent.base, *at_rest])
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

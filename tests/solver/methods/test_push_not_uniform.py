@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from solver.beams.integrated_beam import IntegratedBeam
+from solver.fitting.push_beam import PushBeam
 from solver.fitting.push_frames import bent_frames
-from solver.fitting.push_integrated import IntegratedPush
+from solver.fitting.push_geometry import Contacts
 from solver.fitting.push_joint import Push
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape, stated_shape
@@ -138,12 +139,11 @@ def test_a_clamp_that_gives_adds_to_the_pushing_angle() -> None:
     assert rigid.values.get("compliance_m_per_n", 1.0) > 0.01 * own
 
 
-def cone() -> tuple[IntegratedPush, Floats]:
+def cone() -> tuple[PushBeam, Floats]:
     """A cone on a soft clamp, its frames' parameters q, place, friction ratio (3, 3)."""
     measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(4.0, 8.0, 12.0))
     bent = bent_frames(of(measurement, CONE))
     assert bent is not None
-    assert isinstance(bent.beam, IntegratedPush)
     return bent.beam, np.array([bent.q, np.full(3, bent.place), [0.1, -0.1, 0.2]])
 
 
@@ -151,12 +151,10 @@ def test_the_gradients_of_contacts_are_their_derivatives() -> None:
     beam, shapes = cone()
     base = beam.prior.mean
 
-    def at(p: Floats) -> tuple[Floats, Floats]:
-        contact = beam.contacts(p[:3], p[3:6], p[6:9], p[9:])
-        assert contact is not None
-        names = ("load", "theta_c", "lean", "x_c", "y_c", "s_c")
-        values = np.array([getattr(contact, name) for name in names])
-        return values, np.array([getattr(contact, f"d_{name}") for name in names])
+    def at(p: Floats) -> Contacts:
+        contacts = beam.contacts(p[:3], p[3:6], p[6:9], p[9:])
+        assert contacts is not None
+        return contacts
 
     p = np.concatenate([shapes.ravel(), base])
     gradients = at(p)[1]
@@ -186,7 +184,7 @@ def test_the_line_at_first_contact_is_that_of_the_bowed_beam() -> None:
         information=information,
         free=np.array([0, 1, 2, 3, 4, *range(size, size + 3)]),
     )
-    bowed_beam = IntegratedPush((beam.frames[0]._replace(problem=with_bow),), beam.rig)
+    bowed_beam = PushBeam((beam.frames[0]._replace(problem=with_bow),), beam.rig)
     base = with_bow.mean[bowed_beam.fitted]
     x0, length = 0.13, BEAM.length
     first = bowed_beam.first_touch(x0, base)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from solver.beams.frictional import misfit
 from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -18,6 +17,7 @@ from solver.methods.two_contact_fit import two_contact_fit
 from tests import tapered
 from tests.consistency import nees
 from tests.draws import generator
+from tests.frictional import misfit
 from tests.simulated import BEAM, columns, measurement, pushed_points
 from tests.vbaa_bench.mechanics.benches import obstacle
 from vbaa_bench.mechanics.pushing import push

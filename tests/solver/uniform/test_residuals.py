@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from solver.beams import frictional
 from solver.instrument.arrays import Floats
 from solver.uniform.constraints import add_constraints
 from solver.uniform.residuals import PARAMETERS, PSI, FrameArrays, is_feasible, point_residuals
+from tests import frictional
 
 PINHOLE = np.array([0.5, 0.1, 0.7])
 FAR_AWAY = np.array([0.3, -0.2, 0.0])

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from solver.beams import exact, frictional, linear
+from solver.beams import exact, linear
 from solver.instrument.arrays import Floats
+from tests import frictional
 from tests.oracle import oracle
 
 LEVERS, TURNS = st.floats(0.005, 0.24), st.floats(1e-4, 0.9)  # [m], q lever^2 / 2

@@ -1,4 +1,6 @@
-"""Exact beam under a force inclined against its normal by friction: closed form.
+"""Exact uniform beam under a force inclined against its normal by friction, in closed form.
+
+Tests compare the integrated beam with it.
 
 The friction ratio m is the force's component along the beam over that across it, positive towards
 the tip; the force is inclined by -atan(m). With u the distance back from the force's line, along an

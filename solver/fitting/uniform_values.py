@@ -1,10 +1,9 @@
-"""Convert the exact beam's shape to contact, force and displacement, with covariance."""
+"""Convert a uniform beam's shape to contact, force and displacement, with covariance."""
 
 from typing import Final
 
 import numpy as np
 
-from solver.beams import frictional
 from solver.beams.exact import contact_at
 from solver.fitting import frames
 from solver.instrument.arrays import Floats
@@ -14,51 +13,22 @@ from solver.uniform.fit import FrameFit
 from solver.uniform.residuals import PARAMETERS
 
 # Variables of the gradients. `rigidity` and `scale` are the relative errors of EI and of all
-# lengths, `friction_ratio` is the friction ratio (see `frictional`).
-SHAPE: Final = (
-    "q",
-    "lever",
-    "psi",
-    "dx",
-    "dy",
-    "tilt",
-    "motor_angle",
-    "rigidity",
-    "scale",
-    "friction_ratio",
-)
-_ANGLE, _EI, _SCALE, _FRICTION_RATIO = (
-    SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale", "friction_ratio")
-)
+# lengths.
+SHAPE: Final = ("q", "lever", "psi", "dx", "dy", "tilt", "motor_angle", "rigidity", "scale")
+_ANGLE, _EI, _SCALE = (SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale"))
 _LENGTHS: Final = (frames.X_C, frames.Y_C, frames.S_C)
-_CONTACT_ROWS: Final = (frames.FORCE, frames.THETA, *_LENGTHS, frames.LEAN)
+_CONTACT_ROWS: Final = (frames.THETA, *_LENGTHS)
 
 
 def shape_quantities(
-    measurement: Measurement,
-    shape: Floats,
-    *,
-    psi_fitted: bool = False,
-    clamp_fitted: bool = False,
-    friction_fitted: bool = False,
+    measurement: Measurement, shape: Floats, *, psi_fitted: bool = False, clamp_fitted: bool = False
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Compute an exact beam's values (m,), Jacobian (m, 10) by `SHAPE`, covariance by Sigma_a.
+    """Compute a uniform beam's values (m,), Jacobian (m, 9) by `SHAPE`, covariance by Sigma_a.
 
-    `shape` (10,) is in the order of `SHAPE`, with a zero error of lengths. An unknown motor angle
-    has no effect, nor has the friction ratio unless it was fitted: a contact without friction has
-    none. The other arguments and the last matrix (m, m) are those of `in_all_frames`.
+    `shape` (9,) is in the order of `SHAPE`, with a zero error of lengths. An unknown motor angle
+    has no effect. The other arguments and the last matrix (m, m) are those of `in_all_frames`.
     """
-    q, lever, beam = float(shape[0]), float(shape[1]), measurement.rig.beam
-    if friction_fitted:
-        state = frictional.contact(q, lever, float(shape[_FRICTION_RATIO]), beam.radius)
-        quantities = np.empty((len(_CONTACT_ROWS), 4))
-        quantities[:, 0] = state.load, state.theta_c, state.x_c, state.y_c, state.s_c, state.lean
-        quantities[:, 1:] = (
-            state.d_load, state.d_theta_c, state.d_x_c, state.d_y_c, state.d_s_c, state.d_lean,
-        )  # fmt: skip
-    else:
-        quantities = _frictionless(q, lever)
-    contact, by_shape = _contact(quantities, shape, beam.flexural_rigidity)
+    contact, by_shape = _contact(shape, measurement.rig.beam.flexural_rigidity)
     values, jacobian, pose_covariance = frames.in_all_frames(
         measurement, contact, psi_fitted=psi_fitted, clamp_fitted=clamp_fitted
     )
@@ -66,28 +36,15 @@ def shape_quantities(
 
 
 @njit
-def _frictionless(q: float, lever: float) -> Floats:
-    """Compute `_CONTACT_ROWS`, load F / EI first: value, gradient by (q, lever, friction ratio)."""
-    quantities = np.zeros((len(_CONTACT_ROWS), 4))
-    quantities[0, 0], quantities[0, 1] = q, 1.0
-    for i, entry in enumerate(contact_at(q, lever)):
-        quantities[1 + i, 0], quantities[1 + i, 1], quantities[1 + i, 2] = entry
-    return quantities
-
-
-@njit
-def _contact(quantities: Floats, shape: Floats, flexural_rigidity: float) -> tuple[Floats, Floats]:
-    """Compute the contact (11,) as defined in `frames` and its Jacobian (11, 10) by `SHAPE`."""
+def _contact(shape: Floats, flexural_rigidity: float) -> tuple[Floats, Floats]:
+    """Compute the contact (11,) as defined in `frames` and its Jacobian (11, 9) by `SHAPE`."""
     contact = np.zeros(frames.CONTACT)
     by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
-    for i, row in enumerate(_CONTACT_ROWS):
-        contact[row] = quantities[i, 0]
-        for k, column in enumerate((0, 1, _FRICTION_RATIO)):
-            by_shape[row, column] = quantities[i, 1 + k]
+    for i, entry in enumerate(contact_at(shape[0], shape[1])):
+        row = _CONTACT_ROWS[i]
+        contact[row], by_shape[row, 0], by_shape[row, 1] = entry
     rigidity = flexural_rigidity * (1 + shape[_EI])
-    contact[frames.FORCE] *= rigidity
-    for k in range(len(SHAPE)):
-        by_shape[frames.FORCE, k] *= rigidity
+    contact[frames.FORCE], by_shape[frames.FORCE, 0] = rigidity * shape[0], rigidity
     # By similarity: lengths grow with the scale, the force falls with its square.
     for row in _LENGTHS:
         by_shape[row, _SCALE] = contact[row]
@@ -100,7 +57,7 @@ def _contact(quantities: Floats, shape: Floats, flexural_rigidity: float) -> tup
     return contact, by_shape
 
 
-def values_of(
+def uniform_values(
     measurement: Measurement, fit: FrameFit, psi_fitted: bool
 ) -> tuple[dict[str, float], Floats]:
     """Compute the values of a fit, by name, and their joint covariance.
