@@ -21,7 +21,7 @@ _OUTLIER_SIGMAS = 60.0
 # Number and height of waves. Chosen: the fits succeed, and residuals of neighbours are alike.
 _WAVES, _WAVE_SIGMAS = 10.0, 2.0
 # The function of the fits that is compiled last.
-_LAST_OF_FITS = "frame_fit._mark_inliers"
+_LAST_OF_FITS = "starts.consensus"
 # The process finds the modules where this one does.
 _CHILD = """
 import json, pickle, sys

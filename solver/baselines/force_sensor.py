@@ -18,7 +18,7 @@ from scipy.special import chdtri
 from solver.beams.exact import MOST_SINE
 from solver.core.least_squares import Fit, Rows, fit_rows
 from solver.core.thresholds import THRESHOLDS
-from solver.fitting.uniform_values import SHAPE, shape_quantities
+from solver.fitting.uniform_estimate import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption, Estimate, Outcome

@@ -9,15 +9,14 @@ import numpy as np
 from solver.beams.beam import FRICTION_RATIO
 from solver.core.least_squares import CONVERGED
 from solver.core.thresholds import THRESHOLDS
-from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of, only
-from solver.fitting.frame_start import uniform_start
 from solver.fitting.frame_values import frame_values
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.reflected_light import lit_by_object, reflection_matters, touched_place
 from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
-from solver.fitting.robust_fit import robust_fit
+from solver.fitting.robust_fit import robust_fit, uniform_start
 from solver.fitting.stated_beam import prior_conflict
+from solver.fitting.verdict import estimate_from_fit, refusal_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, FittedParameter, Outcome
 from solver.instrument.measurement import Measurement
@@ -38,24 +37,26 @@ def frame_estimate(
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip=False)
     enough = problem.points >= THRESHOLDS.min_points
-    rod = frame_problem(bowed, problem) if enough else None
-    fitted = None if rod is None else fit_with_neighbours(problem, rod)
+    model = frame_problem(bowed, problem) if enough else None
+    fitted = None if model is None else fit_with_neighbours(problem, model)
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(measurement, problem, fit)
-    if refusal is not None or rod is None or fitted is None or fit is None:
+    if refusal is not None or model is None or fitted is None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    found = prior_conflict(bowed, problem, rod, fitted.fit, fitted.gain, frame_problem)
+    found = prior_conflict(bowed, problem, model, fitted.fit, fitted.gain, frame_problem)
     if found is not None:
         dof = max(int(np.count_nonzero(fit.kept)) - 2, 1)
         return Estimate(
             Outcome.INVALID, found.reason, chi2=fit.chi2, dof=dof, assumption=found.assumption
         )
-    values, covariance = frame_values(measurement, fitted.rod, fitted.rod.with_friction_ratio(fit))
+    values, covariance = frame_values(
+        measurement, fitted.model, fitted.model.with_friction_ratio(fit)
+    )
     estimate = estimate_from_fit(measurement, problem, fit, values, covariance)
-    if not (rod.beam.prior and estimate.values):
+    if not (model.beam.prior and estimate.values):
         return estimate
     sigmas = np.sqrt(np.diag(fit.covariance))
-    places = {name: rod.parameters[name] for name in rod.beam.prior}
+    places = {name: model.parameters[name] for name in model.beam.prior}
     own = {name: FittedParameter(float(fit.p[i]), float(sigmas[i])) for name, i in places.items()}
     return replace(estimate, parameters=own)
 
@@ -76,7 +77,7 @@ class FittedFrame(NamedTuple):
     of neighbouring points gain, 0 where there are none.
     """
 
-    rod: FrameProblem
+    model: FrameProblem
     fit: FrameFit
     gain: float = 0.0
 
@@ -87,62 +88,62 @@ class FittedFrame(NamedTuple):
         return replace(self.fit, kept=kept)
 
 
-def fit_frame(problem: Problem, rod: FrameProblem) -> FittedFrame | None:
+def fit_frame(problem: Problem, model: FrameProblem) -> FittedFrame | None:
     """Fit a frame from the start of a uniform beam; None if no beam is near the points."""
-    start = uniform_start(problem, rod)
-    fit = None if start is None else _best_fit(rod, start)
+    start = uniform_start(problem, model)
+    fit = None if start is None else _best_fit(model, start)
     if fit is None:
         return None
-    alone = rod
-    if rod.rigid is not None:
-        rod = with_friction_sign(rod, friction_sign_of(rod, fit.p))
-    if reflection_matters(rod):
-        rod = lit_by_object(rod, touched_place(rod, fit.p))
-    return FittedFrame(rod, fit if rod is alone else refitted(rod, fit))
+    alone = model
+    if model.rigid is not None:
+        model = with_friction_sign(model, friction_sign_of(model, fit.p))
+    if reflection_matters(model):
+        model = lit_by_object(model, touched_place(model, fit.p))
+    return FittedFrame(model, fit if model is alone else refitted(model, fit))
 
 
-def fit_with_neighbours(problem: Problem, rod: FrameProblem) -> FittedFrame | None:
+def fit_with_neighbours(problem: Problem, model: FrameProblem) -> FittedFrame | None:
     """Fit a frame as `fit_frame`, beside the errors that neighbouring points share.
 
     The fit's chi2 is that without them: whether the beam has one contact is judged by all of it.
     """
-    fitted = fit_frame(problem, rod)
+    fitted = fit_frame(problem, model)
     if fitted is None or fitted.fit.status != CONVERGED:
         return fitted
-    neighbours = neighbours_of(fitted.rod, fitted.fit.p, fitted.fit.kept)
+    neighbours = neighbours_of(fitted.model, fitted.fit.p, fitted.fit.kept)
     if neighbours is None:
         return fitted
     # Outliers stay outliers: such errors could imitate a run of them.
     kept = fitted.fit.kept.copy()
-    rod = with_neighbours(fitted.rod, neighbours)
-    fit = refitted(only(rod, kept), replace(fitted.fit, kept=kept[kept]))
+    model = with_neighbours(fitted.model, neighbours)
+    fit = refitted(only(model, kept), replace(fitted.fit, kept=kept[kept]))
     kept[kept] = fit.kept
-    return FittedFrame(rod, replace(fit, kept=kept, chi2=fitted.fit.chi2), neighbours.gain)
+    return FittedFrame(model, replace(fit, kept=kept, chi2=fitted.fit.chi2), neighbours.gain)
 
 
-def refitted(rod: FrameProblem, fit: FrameFit) -> FrameFit:
+def refitted(model: FrameProblem, fit: FrameFit) -> FrameFit:
     """Fit again after errors of the frame's own have been added; they are 0 where that fails."""
-    own = len(rod.mean) - len(fit.p)
+    own = len(model.mean) - len(fit.p)
     before = replace(
         fit, p=np.append(fit.p, np.zeros(own)), covariance=np.pad(fit.covariance, (0, own))
     )
-    after = robust_fit(rod, before.p)
+    after = robust_fit(model, before.p)
     if after is None or (before.status == CONVERGED and after.status != CONVERGED):
         return before
     return after
 
 
-def _best_fit(rod: FrameProblem, start: Floats) -> FrameFit | None:
+def _best_fit(model: FrameProblem, start: Floats) -> FrameFit | None:
     """Fit from the start; where that leaves outliers, also from the best beam without friction.
 
     Friction bends a beam much as a taper does: with both, there may be several minima.
     """
-    fit = robust_fit(rod, start)
-    smooth = rod.free[rod.free != FRICTION_RATIO]
-    if len(smooth) == len(rod.free) or (fit is not None and _rank(fit) == (False, 0)):
+    fit = robust_fit(model, start)
+    smooth = model.free[model.free != FRICTION_RATIO]
+    if len(smooth) == len(model.free) or (fit is not None and _rank(fit) == (False, 0)):
         return fit
-    held = robust_fit(replace(rod, free=smooth), start)
-    other = None if held is None else robust_fit(rod, held.p)
+    held = robust_fit(replace(model, free=smooth), start)
+    other = None if held is None else robust_fit(model, held.p)
     fits = [one for one in (fit, other) if one is not None]
     return min(fits, key=lambda one: (*_rank(one), one.chi2), default=None)
 

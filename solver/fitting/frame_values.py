@@ -15,11 +15,13 @@ from solver.uniform.fit import FrameFit
 
 
 def frame_values(
-    measurement: Measurement, rod: FrameProblem, fit: FrameFit, psi_fitted: bool = False
+    measurement: Measurement, model: FrameProblem, fit: FrameFit, psi_fitted: bool = False
 ) -> tuple[dict[str, float], Floats]:
     """Compute the values of a fit by name, and their joint covariance, as `uniform_values`."""
     count = len(fit.p)
-    contact, jacobian = fitted_contact(measurement.rig, rod, fit.p, measurement.motor_angle or 0.0)
+    contact, jacobian = fitted_contact(
+        measurement.rig, model, fit.p, measurement.motor_angle or 0.0
+    )
     covariance = np.zeros((count + 3, count + 3))
     covariance[:count, :count] = fit.covariance
     covariance[range(count, count + 3), range(count, count + 3)] = input_variances(measurement)
@@ -58,16 +60,16 @@ def input_variances(measurement: Measurement) -> Floats:
 
 
 def fitted_contact(
-    rig: Rig, rod: FrameProblem, p: Floats, motor_angle: float
+    rig: Rig, model: FrameProblem, p: Floats, motor_angle: float
 ) -> tuple[Floats, Floats]:
     """Compute the contact (11,) as defined in `frames` and its Jacobian (11, p + 3).
 
     The Jacobian is by the parameters p (p,), the motor angle, and the relative errors of EI and of
     all lengths.
     """
-    bent = rod.bent(p)
+    bent = model.bent(p)
     assert bent is not None, "the fit has a shape"
-    return mounted_contact(rig, rod.parameters, p, motor_angle, bent, 0)
+    return mounted_contact(rig, model.parameters, p, motor_angle, bent, 0)
 
 
 def mounted_contact(

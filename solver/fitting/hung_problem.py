@@ -61,10 +61,10 @@ class HungProblem(FrameProblem):
         own = self.parameters[ERRORS]
         found = self._friction_ratio(fit.p[:own])
         assert found is not None, "the fit has residuals"
-        to_rod = np.eye(len(fit.p))
-        to_rod[FRICTION_RATIO] = np.append(_by_error(found), np.zeros(len(fit.p) - own))
+        to_shape = np.eye(len(fit.p))
+        to_shape[FRICTION_RATIO] = np.append(_by_error(found), np.zeros(len(fit.p) - own))
         p = _replaced(fit.p, found.value)
-        return replace(fit, p=p, covariance=to_rod @ fit.covariance @ to_rod.T)
+        return replace(fit, p=p, covariance=to_shape @ fit.covariance @ to_shape.T)
 
     def _friction_ratio(self, p: Floats) -> FrictionRatio | None:
         """Find the friction ratio at shape and clamp p (p,); None if no beam has that shape."""
@@ -103,13 +103,13 @@ def hung_problem_of(measurement: Measurement, problem: Problem, gravity: Gravity
     The direction of gravity has the tolerance of the rig's statement, and those of the encoder, if
     the motor angle was read, and of the board's rotation, by which Sigma_a is known.
     """
-    rod = frame_problem_of(measurement, problem, at_axis=True)
+    model = frame_problem_of(measurement, problem, at_axis=True)
     tolerances = measurement.rig.tolerances
     encoder = 0.0 if measurement.motor_angle is None else tolerances.encoder
     sigma = math.hypot(gravity.sigma, encoder, tolerances.board_rotation)
-    information = rod.information.copy()
+    information = model.information.copy()
     information[FRICTION_RATIO, FRICTION_RATIO] = sigma**-2 if sigma else 0.0
-    free = sorted({*rod.free} - {FRICTION_RATIO} | ({FRICTION_RATIO} if sigma else set()))
-    values = {field.name: getattr(rod, field.name) for field in fields(rod)}
+    free = sorted({*model.free} - {FRICTION_RATIO} | ({FRICTION_RATIO} if sigma else set()))
+    values = {field.name: getattr(model, field.name) for field in fields(model)}
     values |= {"information": information, "free": np.array(free), "rigid": None}
     return HungProblem(**values, direction=direction_of_load(measurement, gravity))

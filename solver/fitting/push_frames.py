@@ -6,11 +6,11 @@ import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.core.once import once
-from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.frame_estimate import fit_frame, with_bow
 from solver.fitting.frame_problem import OwnBeamOf, frame_problem_of, only
 from solver.fitting.push_beam import PushBeam, PushPoints
 from solver.fitting.push_joint import PushFrame
+from solver.fitting.verdict import refusal_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
@@ -77,5 +77,5 @@ def _fitted(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted | Outcome
     refusal = refusal_of(frame, problem, fit)
     if fitted is None or fit is None or refusal is not None:
         return Outcome.NOT_CONVERGED if refusal is None else refusal.outcome
-    inliers = only(fitted.rod, fitted.fit.kept)
+    inliers = only(fitted.model, fitted.fit.kept)
     return _Fitted(fit, PushPoints(inliers, fit.variance_inflation))

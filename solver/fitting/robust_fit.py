@@ -1,16 +1,20 @@
-"""Fit a beam of changing section to one frame: least squares, robust where residuals require it.
+"""Fit a beam of changing section to one frame: a start, least squares, robust ones if needed.
 
-Plain least squares comes first; its result is kept if the residuals look like noise. Otherwise
-Tukey's biweight is used, with a cut that decreases from the scale of the residuals to that of the
-stated sigmas (graduated non-convexity; Blake and Zisserman 1987): before the section is fitted,
-residuals are large everywhere, and no point may be rejected for that.
+The start is the uniform beam near the points. Plain least squares comes first; its result is kept
+if the residuals look like noise. Otherwise Tukey's biweight is used, with a cut that decreases from
+the scale of the residuals to that of the stated sigmas (graduated non-convexity; Blake and
+Zisserman 1987): before the section is fitted, residuals are large everywhere, and no point may be
+rejected for that.
 """
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from solver.beams.beam import S_C, Q
+from solver.beams.exact import contact_at
 from solver.core.least_squares import (
     CONVERGED,
     DEFICIENT,
@@ -27,12 +31,16 @@ from solver.core.thresholds import THRESHOLDS
 from solver.fitting.frame_problem import FrameProblem
 from solver.instrument.arrays import Floats
 from solver.instrument.medians import TUKEY_CUT
-from solver.uniform.fit import FrameFit
-from solver.uniform.frame_fit import variance_inflation
+from solver.uniform import residuals
+from solver.uniform.fit import FrameFit, start_of, variance_inflation
+from solver.uniform.problem import Problem
 
 # Largest number of times that the cut is reduced. Chosen: as often as it is halved from residuals
 # of 500 sigmas; larger ones come from points of no beam, or from sigmas that are far too small.
 _MOST_CUTS: Final = 9
+# Largest contact arc length of a start, over the beam's length. Chosen: a uniform beam may be
+# nearest to a thin tip with a contact beyond it.
+_MAX_START: Final = 0.95
 
 
 def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
@@ -48,7 +56,7 @@ def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
     residual = at.rows[0].residual
     count = len(residual)
     dof = max(count - 2, 1)
-    # As in `frame_fit`: six sigmas of chi2 detect a run of outliers that has biased the fit.
+    # As in `uniform.fit`: six sigmas of chi2 detect a run of outliers that has biased the fit.
     limit = dof * (1 + 6 * math.sqrt(2 / dof))
     kept = np.ones(count, dtype=np.bool_)
     robust = at.objective > limit or np.abs(residual).max() > THRESHOLDS.suspicious_sigmas
@@ -124,3 +132,30 @@ def residuals_at(problem: FrameProblem, p: Floats) -> Rows | None:
     jacobian[own:] = problem.shared.T
     residual += problem.shared @ p[own:]
     return Rows(residual, jacobian) if exists else None
+
+
+def uniform_start(problem: Problem, model: FrameProblem, psi: float | None = None) -> Floats | None:
+    """Return the parameters (p,) with load, place and clamp of a uniform beam near the points.
+
+    Its inclination is `psi` [rad], or that of the prior. Return None if there is none.
+    """
+    at = model.parameters
+    inclination = float(model.mean[at["psi"]]) if psi is None else psi
+    uniform = start_of(_straightened(problem, model), inclination)
+    if uniform is None:
+        return None
+    start = model.mean.copy()
+    start[at["psi"]] = inclination
+    start[Q] = uniform[residuals.Q]
+    _, _, _, arc = contact_at(uniform[residuals.Q], uniform[residuals.LEVER])
+    start[S_C] = min(arc[0], _MAX_START)
+    start[at["dx"] : at["tilt"] + 1] = uniform[residuals.DX : residuals.TILT + 1]
+    return start
+
+
+def _straightened(problem: Problem, model: FrameProblem) -> Problem:
+    """Remove the prior's bow from the points: a contact is no start for a beam bowed as far."""
+    points = problem.arrays.points.copy()
+    for power, coefficient in enumerate(model.mean[model.parameters.span("bow")], 2):
+        points[residuals.Y] -= coefficient * points[residuals.X] ** power
+    return replace(problem, arrays=problem.arrays._replace(points=points))

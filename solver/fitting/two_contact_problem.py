@@ -26,25 +26,25 @@ _APART: Final = 3
 _FINE: Final = 100
 
 
-def two_contact_problem_of(rod: FrameProblem) -> FrameProblem:
+def two_contact_problem_of(model: FrameProblem) -> FrameProblem:
     """Add an inner contact to the problem of one contact, with the same prior of its friction."""
-    assert isinstance(rod.beam, IntegratedBeam), "only this beam may have two contacts"
-    assert type(rod.beam) is IntegratedBeam, "a beam of a user's own has one contact"
-    beam = TwoContactBeam(rod.beam)
-    size, count = len(rod.beam.parameters), len(beam.parameters) - len(rod.beam.parameters)
+    assert isinstance(model.beam, IntegratedBeam), "only this beam may have two contacts"
+    assert type(model.beam) is IntegratedBeam, "a beam of a user's own has one contact"
+    beam = TwoContactBeam(model.beam)
+    size, count = len(model.beam.parameters), len(beam.parameters) - len(model.beam.parameters)
     added = [size] * count
-    information = np.insert(np.insert(rod.information, added, 0.0, axis=0), added, 0.0, axis=1)
+    information = np.insert(np.insert(model.information, added, 0.0, axis=0), added, 0.0, axis=1)
     friction_ratio = beam.parameters["friction_ratio_inner"]
-    information[friction_ratio, friction_ratio] = rod.information[FRICTION_RATIO, FRICTION_RATIO]
-    rubs = [friction_ratio] if FRICTION_RATIO in rod.free else []
-    others = np.where(rod.free < size, rod.free, rod.free + count)
+    information[friction_ratio, friction_ratio] = model.information[FRICTION_RATIO, FRICTION_RATIO]
+    rubs = [friction_ratio] if FRICTION_RATIO in model.free else []
+    others = np.where(model.free < size, model.free, model.free + count)
     inner = beam.parameters.indices("q_inner", "s_c_inner")
     return FrameProblem(
-        points=rod.points,
-        view=rod.view,
+        points=model.points,
+        view=model.view,
         beam=beam,
-        shared=rod.shared,
-        mean=np.insert(rod.mean, added, 0.0),
+        shared=model.shared,
+        mean=np.insert(model.mean, added, 0.0),
         information=information,
         free=np.sort([*others, *inner, *rubs]),
     )

@@ -35,15 +35,15 @@ def with_unknown_friction(
     fitted = fit_frame(problem, frame_problem_of(bowed, problem, own_beam=own_beam))
     if fitted is None:
         return alone
-    rod, fit = fitted.rod, fitted.fit
-    rows = residuals_at(only(rod, fit.kept), fit.p)
+    model, fit = fitted.model, fitted.fit
+    rows = residuals_at(only(model, fit.kept), fit.p)
     assert rows is not None, "the fit has a shape"
     gradient = rows.jacobian @ rows.jacobian[FRICTION_RATIO]
     response = -fit.covariance @ gradient / fit.variance_inflation
     response[FRICTION_RATIO] = 1.0
     considered = fit.covariance + sigma**2 * np.outer(response, response)
-    _, without = frame_values(measurement, rod, fit)
-    _, covariance = frame_values(measurement, rod, replace(fit, covariance=considered))
+    _, without = frame_values(measurement, model, fit)
+    _, covariance = frame_values(measurement, model, replace(fit, covariance=considered))
     return classified_estimate(
         measurement.rig,
         alone.values,

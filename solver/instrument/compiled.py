@@ -12,10 +12,9 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, TypeVar, cast, overload
+from typing import Any, Final, TypeVar, overload
 
 import numba
-import numba.extending
 
 from solver.instrument.syntax import kept_result, syntax_digests
 
@@ -60,15 +59,6 @@ def _say_not_kept() -> None:
         "written to: every start takes minutes; set NUMBA_CACHE_DIR to a folder",
         file=sys.stderr,
     )
-
-
-def interpreted(function: F) -> F:
-    """Run a function in Python, and compile it as a part of compiled functions that call it.
-
-    This is for functions that mostly call others: compiling them takes longest, and saves least.
-    """
-    register: Any = numba.extending.register_jitable
-    return cast(F, register(function))
 
 
 @functools.cache

@@ -8,10 +8,8 @@ import numpy as np
 
 from solver.beams.stretch import WIDTHS
 from solver.core.correlation import correlation_length
-from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.frame_estimate import fit_frame, with_bow
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of, only
-from solver.fitting.frame_start import uniform_start
 from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.reflected_light import (
     TouchedPlace,
@@ -20,7 +18,8 @@ from solver.fitting.reflected_light import (
     touched_place,
 )
 from solver.fitting.rigid_object import with_friction_sign
-from solver.fitting.robust_fit import residuals_at
+from solver.fitting.robust_fit import residuals_at, uniform_start
+from solver.fitting.verdict import refusal_of
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.measurement import Measurement
@@ -56,12 +55,12 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     fitted = fit_frame(problem, frame_problem_of(bowed, problem)) if problem.points else None
     if fitted is None or refusal_of(measurement, problem, fitted.in_order(problem)) is not None:
         return None
-    rod, fit = fitted.rod, fitted.fit
-    rows = residuals_at(rod, fit.p)
+    model, fit = fitted.model, fitted.fit
+    rows = residuals_at(model, fit.p)
     if rows is None:
         return None
     inliers = fit.kept
-    start = uniform_start(problem, rod)
+    start = uniform_start(problem, model)
     return BentFrame(
         measurement=bowed,
         inliers=inliers,
@@ -69,8 +68,8 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
         taper=float(fit.p[WIDTHS]),
         inflation=float(fit.variance_inflation),
         correlation=correlation_length(rows[0][inliers]),
-        touch=touched_place(rod, fit.p),
-        friction_sign=rod.friction_sign,
+        touch=touched_place(model, fit.p),
+        friction_sign=model.friction_sign,
     )
 
 

@@ -21,13 +21,13 @@ import numpy as np
 from solver.core.least_squares import CONVERGED
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
-from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.frame_estimate import with_bow
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.fitting.frame_values import frame_values
-from solver.fitting.space_fits import fits_in_space, problem_in_plane
 from solver.fitting.stated_beam import prior_conflict
-from solver.fitting.uniform_values import uniform_values
+from solver.fitting.uniform_estimate import uniform_values
+from solver.fitting.unknown_plane import fits_in_space, problem_in_plane
+from solver.fitting.verdict import estimate_from_fit, refusal_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
@@ -60,14 +60,14 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
 
 def _fit(measurement: Measurement) -> Estimate:
     """Estimate by the fit, for a beam bent to either side."""
-    search = _uniform_minima if measurement.uniform else _rod_minima
+    search = _uniform_minima if measurement.uniform else _general_minima
     found = search(measurement, with_tip=True)
     if len(found.problem.arrays.tips):
         tipless = search(measurement, with_tip=False)
         if _contradicted(found.minima, tipless.minima):
             found = tipless
-    problem, minima, rod, gain = found
-    row = PSI if rod is None else rod.parameters["psi"]
+    problem, minima, model, gain = found
+    row = PSI if model is None else model.parameters["psi"]
     best = minima[0] if minima else None
     refusal = refusal_of(measurement, problem, best, either_side=True)
     if best is None or (refusal is not None and refusal.outcome is not Outcome.NOT_CONVERGED):
@@ -94,28 +94,28 @@ def _fit(measurement: Measurement) -> Estimate:
             chi2=best.chi2,
             iterations=best.iterations,
         )
-    if refusal is None and rod is not None:
+    if refusal is None and model is not None:
         refusal = _other_beam(measurement, problem, best, float(best.p[row]), gain)
     if refusal is not None:
         return refusal
     best = replace(best, covariance=best.covariance + np.outer(spread, spread))
     values, covariance = (
         uniform_values(measurement, best, True)
-        if rod is None
-        else frame_values(measurement, rod, best, psi_fitted=True)
+        if model is None
+        else frame_values(measurement, model, best, psi_fitted=True)
     )
     return estimate_from_fit(measurement, problem, best, values, covariance, psi_fitted=True)
 
 
 class _Found(NamedTuple):
-    """Distinct minima of a frame's chi2 over psi, best first; `rod` is None of a uniform beam.
+    """Distinct minima of a frame's chi2 over psi, best first; `model` is None of a uniform beam.
 
     `gain` is that of `SpaceFits`.
     """
 
     problem: Problem
     minima: list[FrameFit]
-    rod: FrameProblem | None
+    model: FrameProblem | None
     gain: float = 0.0
 
 
@@ -151,15 +151,15 @@ def _uniform_minima(measurement: Measurement, with_tip: bool) -> _Found:
     return _Found(problem, minima, None)
 
 
-def _rod_minima(measurement: Measurement, with_tip: bool) -> _Found:
+def _general_minima(measurement: Measurement, with_tip: bool) -> _Found:
     """Find the minima of the rig's stated or learned beam; none for too few points."""
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip)
-    rod = frame_problem_of(bowed, problem)
+    model = frame_problem_of(bowed, problem)
     if problem.points < THRESHOLDS.min_points:
-        return _Found(problem, [], rod)
-    rod, fits, gain = fits_in_space(problem, rod, STARTS)
-    return _Found(problem, _distinct(fits, rod.parameters["psi"]), rod, gain)
+        return _Found(problem, [], model)
+    model, fits, gain = fits_in_space(problem, model, STARTS)
+    return _Found(problem, _distinct(fits, model.parameters["psi"]), model, gain)
 
 
 def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool:

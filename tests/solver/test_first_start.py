@@ -42,7 +42,7 @@ def record_processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[b
     return processes
 
 
-@pytest.mark.parametrize("compiled", [{"frame_fit._mark_inliers"}, None])
+@pytest.mark.parametrize("compiled", [{"starts.consensus"}, None])
 def test_where_the_fits_are_compiled_or_elsewhere_no_process_is_begun(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, compiled: set[str] | None
 ) -> None:

@@ -9,9 +9,8 @@ from scipy.stats import multivariate_normal
 from solver.fitting import neighbours
 from solver.fitting.frame_estimate import with_bow
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of
-from solver.fitting.frame_start import uniform_start
 from solver.fitting.neighbours import LENGTHS, SIGMAS, neighbours_of, with_neighbours
-from solver.fitting.robust_fit import residuals_at, robust_fit
+from solver.fitting.robust_fit import residuals_at, robust_fit, uniform_start
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.measurement import Measurement, View

@@ -8,10 +8,8 @@ import pytest
 
 from solver.core.least_squares import CONVERGED
 from solver.fitting.frame_problem import frame_problem_of
-from solver.fitting.frame_start import uniform_start
-from solver.fitting.robust_fit import residuals_at, robust_fit
-from solver.fitting.space_fits import fits_in_space
-from solver.fitting.spatial_problem import SpatialProblem, spatial
+from solver.fitting.robust_fit import residuals_at, robust_fit, uniform_start
+from solver.fitting.unknown_plane import SpatialProblem, fits_in_space, spatial
 from solver.instrument.beam_shape import stated_shape
 from solver.uniform.problem import Problem, problem_of
 from tests.draws import generator

@@ -9,8 +9,7 @@ from solver.fitting.push_frames import bent_frames
 from solver.fitting.push_geometry import Contacts, FirstTouch, Touch, touch
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, Push
 from solver.fitting.sliding import ratio_matrix
-from solver.fitting.uniform_estimate import uniform_estimate
-from solver.fitting.uniform_values import shape_quantities
+from solver.fitting.uniform_estimate import shape_quantities, uniform_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement

@@ -7,7 +7,7 @@ import pytest
 
 from solver.fitting.frame_problem import frame_problem_of
 from solver.fitting.robust_fit import residuals_at
-from solver.fitting.spatial_problem import spatial
+from solver.fitting.unknown_plane import spatial
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Tip

@@ -1,15 +1,26 @@
-"""Tip and moment sensor as constraints on a beam of changing section in an unknown plane."""
+"""Fit a beam in a plane of unknown inclination to one frame.
+
+Tip and moment sensor are constraints on its shape beside the points.
+"""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from solver.beams.beam import S_C, BentBeam
-from solver.fitting.frame_problem import FrameProblem
+from solver.core.least_squares import CONVERGED
+from solver.fitting.frame_estimate import refitted
+from solver.fitting.frame_problem import FrameProblem, frame_problem_of
+from solver.fitting.neighbours import neighbours_of, with_neighbours
+from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
+from solver.fitting.robust_fit import least_squares, robust_fit, uniform_start
 from solver.instrument.arrays import Floats
+from solver.instrument.measurement import Measurement
 from solver.instrument.small_matrices import whitening
 from solver.uniform.constraints import TIP_COLUMNS
+from solver.uniform.fit import FrameFit
 from solver.uniform.problem import Problem
 from solver.uniform.residuals import (
     MOMENT,
@@ -18,6 +29,80 @@ from solver.uniform.residuals import (
     RIGIDITY_SIGMA,
     STRETCH_SIGMA,
 )
+
+
+class SpaceFits(NamedTuple):
+    """Fits of a frame from several starts, and their problem with errors of the frame's own.
+
+    `gain` is twice the log likelihood that errors of neighbouring points gain, 0 without them.
+    """
+
+    model: FrameProblem
+    fits: list[FrameFit]
+    gain: float
+
+
+def fits_in_space(problem: Problem, model: FrameProblem, inclinations: Floats) -> SpaceFits:
+    """Fit a frame, with the tips of `problem`, from a start at each inclination [rad].
+
+    The parameters are those of `model`, psi among them; a fit's `kept` (n,) is in the order of the
+    measurement's points. Starts without a beam near the points are left out. Errors that
+    neighbouring points share, and the direction of friction at a rigid object, are those of the
+    best fit.
+    """
+    space = spatial(model, problem)
+    tried = (uniform_start(problem, model, float(psi)) for psi in inclinations)
+    starts = _lowest(space, [start for start in tried if start is not None])
+    fits = [fit for start in starts if (fit := robust_fit(space, start))]
+    gain = 0.0
+    if fits:
+        best = _best(fits)
+        if model.rigid is not None:
+            model = with_friction_sign(model, friction_sign_of(model, best.p))
+            space = spatial(model, problem)
+            fits = [refitted(space, fit) for fit in fits]
+            best = _best(fits)
+        neighbours = neighbours_of(space, best.p, best.kept)
+        if neighbours is not None:
+            model = with_neighbours(model, neighbours)
+            space = spatial(model, problem)
+            fits, gain = [refitted(space, fit) for fit in fits], neighbours.gain
+    return SpaceFits(model, [_in_order(problem, fit) for fit in fits], gain)
+
+
+def _best(fits: list[FrameFit]) -> FrameFit:
+    return min(fits, key=lambda fit: (fit.status != CONVERGED, fit.chi2))
+
+
+def problem_in_plane(psi: float, measurement: Measurement, problem: Problem) -> FrameProblem:
+    """Return the problem of a frame in the plane of inclination `psi` [rad]."""
+    model = frame_problem_of(measurement, problem)
+    mean, index = model.mean.copy(), model.parameters["psi"]
+    mean[index] = psi
+    return replace(model, mean=mean, free=model.free[model.free != index])
+
+
+def _lowest(space: FrameProblem, starts: list[Floats]) -> list[Floats]:
+    """Fit from each start with psi held; return the fits lower than those beside them.
+
+    Where an image hardly shows psi, the objective is a long flat valley, along which a fit creeps:
+    one fit in each valley is enough. Starts are in the order of psi.
+    """
+    held = replace(space, free=space.free[space.free != space.parameters["psi"]])
+    fits = [fit for start in starts if (fit := least_squares(held, start))]
+    objectives = [np.inf, *(fit.objective for fit in fits), np.inf]
+    return [
+        fit.p
+        for fit, before, after in zip(fits, objectives, objectives[2:], strict=False)
+        if fit.objective <= min(before, after)
+    ]
+
+
+def _in_order(problem: Problem, fit: FrameFit) -> FrameFit:
+    """Return a fit of points only, in the order of the measurement."""
+    kept = np.empty(problem.points, dtype=np.bool_)
+    kept[problem.order] = fit.kept[: problem.points]
+    return replace(fit, kept=kept)
 
 
 @dataclass(frozen=True)
@@ -100,20 +185,20 @@ class SpatialProblem(FrameProblem):
         return whitener @ error, (whitener @ by_error).T
 
 
-def spatial(rod: FrameProblem, problem: Problem) -> SpatialProblem:
+def spatial(model: FrameProblem, problem: Problem) -> SpatialProblem:
     """Return the problem of a frame with unknown psi, with tips and moment of `problem`.
 
     The error of the length up to the tip is a part of the tip's, along the end of the beam; that
     of EI is a part of the moment's.
     """
     tips, known = problem.arrays.tips.copy(), problem.arrays.known
-    direction = _end(rod)
+    direction = _end(model)
     for tip in tips:
         inverse = np.linalg.inv(tip[2:6].reshape(2, 2))
         stretch = known[STRETCH_SIGMA] * direction
         tip[2:6] = whitening(inverse @ inverse.T + np.outer(stretch, stretch)).ravel()
-    psi = rod.parameters["psi"]
-    information = rod.information.copy()
+    psi = model.parameters["psi"]
+    information = model.information.copy()
     if information[psi, psi] > 0:  # the marginal information of the others
         information -= np.outer(information[psi], information[psi]) / information[psi, psi]
     information[psi] = information[:, psi] = 0.0
@@ -122,23 +207,23 @@ def spatial(rod: FrameProblem, problem: Problem) -> SpatialProblem:
         sigma = math.hypot(known[MOMENT_SIGMA], known[RIGIDITY_SIGMA] * known[MOMENT])
         moments = np.array([[known[MOMENT_UNIT], known[MOMENT]]]) / sigma
     constraints = 2 * len(tips) + len(moments)
-    shared = np.vstack([rod.shared, np.zeros((constraints, rod.shared.shape[1]))])
+    shared = np.vstack([model.shared, np.zeros((constraints, model.shared.shape[1]))])
     return SpatialProblem(
-        points=rod.points,
-        view=rod.view,
-        beam=rod.beam,
+        points=model.points,
+        view=model.view,
+        beam=model.beam,
         shared=shared,
-        mean=rod.mean,
+        mean=model.mean,
         information=information,
-        free=np.union1d(rod.free, [psi]),
-        own_errors=rod.own_errors,
+        free=np.union1d(model.free, [psi]),
+        own_errors=model.own_errors,
         tips=tips,
         moments=moments,
     )
 
 
-def _end(rod: FrameProblem) -> Floats:
+def _end(model: FrameProblem) -> Floats:
     """Compute the direction (2,) of the beam's end in the image."""
-    x, y = rod.points[:2, -max(rod.points.shape[1] // 20, 2) :]
+    x, y = model.points[:2, -max(model.points.shape[1] // 20, 2) :]
     along = np.array([x[-1] - x[0], y[-1] - y[0]])
     return np.asarray(along / max(float(np.hypot(*along)), 1e-12))
