@@ -17,8 +17,7 @@ from scipy.integrate import cumulative_simpson
 
 from solver.beams.beam import ERRORS, FRICTION_RATIO, S_C, BentBeam, Prior, Q, with_clamp
 from solver.beams.curve import END, MOST_ANGLE, Curve
-from solver.beams.integrated_beam import IntegratedBeam
-from solver.beams.steps import straight_in_moments
+from solver.beams.integrated import IntegratedBeam, straight_in_moments
 from solver.beams.stretch import LEAST_WIDTH
 from solver.core.parameters import Parameters
 from solver.instrument.arrays import Floats

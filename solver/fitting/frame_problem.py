@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 import numpy as np
 
 from solver.beams.beam import ERRORS, FRICTION_RATIO, S_C, Beam, BentBeam, Q, with_clamp
-from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.integrated import IntegratedBeam
 from solver.core.parameters import Parameters
 from solver.fitting.beam_residuals import beam_residuals
 from solver.instrument.arrays import Floats

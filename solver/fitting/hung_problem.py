@@ -12,7 +12,7 @@ import numpy as np
 
 from solver.beams.beam import ERRORS, FRICTION_RATIO
 from solver.beams.dead_load import FrictionRatio, friction_ratio_of
-from solver.beams.steps import straight_in_moments
+from solver.beams.integrated import straight_in_moments
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption

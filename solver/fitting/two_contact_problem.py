@@ -8,9 +8,9 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from solver.beams.beam import FRICTION_RATIO
-from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.integrated import IntegratedBeam
 from solver.beams.stretch import width_at
-from solver.beams.two_contact_beam import TwoContactBeam
+from solver.beams.two_contacts import TwoContactBeam
 from solver.fitting.frame_problem import FrameProblem
 from solver.instrument.arrays import Floats
 from solver.uniform.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y

@@ -22,7 +22,7 @@ import numpy as np
 
 from solver.beams.beam import DX, DY, FRICTION_RATIO, POSE, S_C, SOFTNESS, TILT, BentBeam, Q
 from solver.beams.dead_load import friction_ratio_of
-from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.integrated import IntegratedBeam
 from solver.beams.stretch import WIDTHS
 from solver.core.least_squares import Rows
 from solver.fitting.beam_residuals import curve_residuals

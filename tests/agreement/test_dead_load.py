@@ -7,7 +7,7 @@ import pytest
 
 from solver.beams.beam import FRICTION_RATIO, POSE, S_C, Q
 from solver.beams.dead_load import friction_ratio_of
-from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.integrated import IntegratedBeam
 from solver.photographs.bent_beam import contact_place, tip_place
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.loaded import Load, loaded

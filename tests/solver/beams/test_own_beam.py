@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from solver.beams.beam import BentBeam, Prior
-from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.integrated import IntegratedBeam
 from solver.beams.own_beam import Line, OwnBeam
 from solver.fitting.beam_residuals import beam_residuals
 from solver.instrument.arrays import Floats

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.integrated import IntegratedBeam
 from solver.fitting.push_beam import PushBeam
 from solver.fitting.push_frames import bent_frames
 from solver.fitting.push_geometry import Contacts

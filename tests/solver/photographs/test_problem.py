@@ -8,7 +8,7 @@ import pytest
 
 from solver.beams.beam import FRICTION_RATIO, POSE
 from solver.beams.dead_load import direction_of, friction_ratio_of
-from solver.beams.integrated_beam import IntegratedBeam
+from solver.beams.integrated import IntegratedBeam
 from solver.core.least_squares import Rows
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
