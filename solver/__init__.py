@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from solver.api import CalibratedRig, load_rig, open_rig
     from solver.beams.beam import Prior
     from solver.beams.own_beam import OwnBeam
+    from solver.instrument.centreline import Centreline
     from solver.instrument.errors import InputError
     from solver.instrument.estimate import Assumption, Estimate, Outcome
     from solver.instrument.measurement import Measurement
@@ -30,6 +31,7 @@ __all__ = [
     "METHODS",
     "Assumption",
     "CalibratedRig",
+    "Centreline",
     "Estimate",
     "InputError",
     "Measurement",
@@ -54,6 +56,7 @@ _MODULE_OF = {
     "METHODS": "methods",
     "Assumption": "instrument.estimate",
     "CalibratedRig": "api",
+    "Centreline": "instrument.centreline",
     "Estimate": "instrument.estimate",
     "InputError": "instrument.errors",
     "Measurement": "instrument.measurement",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from solver.antenna import Antenna
 from solver.centreline.extractors import find_extractor
+from solver.fitting.frame_problem import OwnBeamOf
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
@@ -18,7 +19,7 @@ from solver.lab.saved_rig import load_tree, save_tree
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.learning.learn import LearnedBeam
 from solver.methods import LEARNING, METHODS, Method
-from solver.methods.by_name import find_method
+from solver.methods.by_name import find_method, with_beam
 from solver.set_up import set_up
 from solver.tracker import FrameSolution, PushTracker
 
@@ -34,11 +35,18 @@ class CalibratedRig:
     rest_image: Grey
     beam: LearnedBeam | None = None
 
-    def tracker(self, method: str | Method = "exact_fit", *, warm: bool = False) -> PushTracker:
+    def tracker(
+        self,
+        method: str | Method = "exact_fit",
+        *,
+        beam: str | OwnBeamOf | None = None,
+        warm: bool = False,
+    ) -> PushTracker:
         """Return a tracker with the memory of one push, by a method's name or a function.
 
-        `warm` compiles all code for a frame beforehand. Raises InputError for an unknown name, and
-        for a method that learns the beam unless `learn` has learned it.
+        `beam` is that of `exact_fit`, or its package.module:function. `warm` compiles all code for
+        a frame beforehand. Raises InputError for an unknown name, for a method without a beam, and
+        for one that learns the beam unless `learn` has learned it.
         """
         function = find_method(method) if isinstance(method, str) else method
         name = next((name for name in LEARNING if METHODS[name] is function), None)
@@ -47,6 +55,7 @@ class CalibratedRig:
                 f"method '{name}' learns the beam before the first frame: "
                 f"use rig.learn(frames).tracker('{name}')"
             )
+        function = with_beam(function, beam)
         if warm:
             warm_up(self.antenna, function, self.rest_image)
         return PushTracker(self.antenna, function)
@@ -87,7 +96,8 @@ class CalibratedRig:
 def open_rig(path: str | Path, centreline: str = "profile_fit") -> CalibratedRig:
     """Open rig.json, or its folder, with the board and rest images beside it, and calibrate.
 
-    `centreline` is the name of an extractor. Raises InputError where files are missing or wrong.
+    `centreline` is an extractor's name, or package.module:function. Raises InputError where files
+    are missing or wrong.
     """
     learn, files = find_extractor(centreline), open_rig_files(Path(path))
     return CalibratedRig(set_up(files, learn), next(files.read_rest_images()))

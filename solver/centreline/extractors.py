@@ -8,19 +8,20 @@ from solver.centreline.background_subtracted import learn_centroid
 from solver.centreline.extractor import Extractor, learn_profile_fit
 from solver.centreline.guide import Guide
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError
+from solver.instrument.by_name import find_by_name
 
-EXTRACTORS: Final[dict[str, Callable[[Sequence[Grey], Guide], Extractor]]] = {
+# Learns an extractor from images (height, width) at rest.
+LearnExtractor = Callable[[Sequence[Grey], Guide], Extractor]
+EXTRACTORS: Final[dict[str, LearnExtractor]] = {
     "profile_fit": learn_profile_fit,
     "background_subtracted": learn_centroid,
     "area_weighted": learn_area_weighted,
 }
 
 
-def find_extractor(name: str) -> Callable[[Sequence[Grey], Guide], Extractor]:
-    """Return the function that learns an extractor from rest images. Raises InputError."""
-    if name not in EXTRACTORS:
-        raise InputError(
-            f"centreline '{name}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
-        )
-    return EXTRACTORS[name]
+def find_extractor(name: str) -> LearnExtractor:
+    """Return what learns an extractor, by its name in EXTRACTORS or as package.module:function.
+
+    Raises InputError.
+    """
+    return find_by_name("centreline", name, EXTRACTORS)

@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
+from solver.instrument.by_name import ELSEWHERE
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
 from solver.instrument.observation import frames_beside, open_rig_files, rig_file, tables_beside
@@ -62,7 +63,7 @@ from solver.lab.target import svg
 from solver.lab.writing import check_no_input, prepare_output_path, write
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.methods import LEARNING, METHODS
-from solver.methods.by_name import find_method
+from solver.methods.by_name import find_method, with_beam
 from solver.set_up import set_up
 
 app = typer.Typer(
@@ -83,11 +84,15 @@ def solve(
     ],
     rig: OtherRigOption = None,
     method: Annotated[
-        str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
+        str, typer.Option(help=f"{', '.join(METHODS)}, or {ELSEWHERE}")
     ] = "exact_fit",
     centreline: Annotated[
-        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
+        str, typer.Option(help=f"{', '.join(EXTRACTORS)}, or {ELSEWHERE}")
     ] = "profile_fit",
+    beam: Annotated[
+        str | None,
+        typer.Option(help=f"beam of your own for the method: {ELSEWHERE}", show_default=False),
+    ] = None,
     readings: ReadingsOption = None,
     out: Annotated[
         Path | None,
@@ -111,7 +116,7 @@ def solve(
 ) -> None:
     """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
     _check_command(sources[0])
-    function, learn_extractor = find_method(method), find_extractor(centreline)
+    function, learn_extractor = with_beam(find_method(method), beam), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
     observations, source = open_inputs(sources, rig, readings, channel, controls)
     if method in LEARNING and not observations.frames:
@@ -130,8 +135,8 @@ def solve(
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
-            beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
-            antenna = with_learned(antenna, beam)
+            learned = learn_from_frames(antenna, frames_to_learn(observations.frames))
+            antenna = with_learned(antenna, learned)
         warm_up(antenna, function, next(observations.read_rest_images()))
     contradictions = (
         ()
@@ -218,7 +223,7 @@ def demo(
 def warm(
     rig: RigOption,
     method: Annotated[
-        str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
+        str, typer.Option(help=f"{', '.join(METHODS)}, or {ELSEWHERE}")
     ] = "exact_fit",
 ) -> None:
     """Compile all code that a frame needs, so that the next start takes seconds."""

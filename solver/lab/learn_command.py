@@ -10,6 +10,7 @@ from rich.progress import track
 from scipy.constants import g
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
+from solver.instrument.by_name import ELSEWHERE
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.rig_json import rig_to_json
@@ -49,7 +50,7 @@ def learn(
     readings: ReadingsOption = None,
     channel: ChannelOption = None,
     centreline: Annotated[
-        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
+        str, typer.Option(help=f"{', '.join(EXTRACTORS)}, or {ELSEWHERE}")
     ] = "profile_fit",
     known_force: Annotated[
         tuple[str, float, float] | None,

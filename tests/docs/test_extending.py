@@ -15,19 +15,23 @@ import pytest
 from scipy.integrate import solve_bvp
 from scipy.optimize import fsolve
 
+from solver.centreline.extractors import find_extractor
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import stated_shape
+from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
+from solver.methods.by_name import find_method, with_beam
 from solver.methods.exact_fit import exact_fit
 from solver.methods.push_fit import push_fit
+from tests.beam_images import Look, Sensor, bent, distances, drawn, guide
 from tests.consistency import MOST_SIGMAS
 from tests.draws import generator
 from tests.simulated import BEAM, columns, measurement, pushed_points
 from tests.tapered import SIGMA, bowed
 
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
-FILES: Final = ("heavy_tip", "tall_rows", "linear_beam")
+FILES: Final = ("heavy_tip", "tall_rows", "linear_beam", "bright_ridge")
 # The weight at the tip, over EI / L^2: within the prior of the page.
 WEIGHT: Final = 0.106
 
@@ -207,7 +211,33 @@ def test_the_method_of_the_page_has_an_honest_covariance(modules: dict[str, Modu
     assert not modules["linear_beam"].linear_beam(straight).values
 
 
+def test_what_is_ours_is_found_by_its_name(modules: dict[str, ModuleType]) -> None:
+    frame = taken(heavy(0.9, 0.6, -0.6), -0.6, generator(__name__, 1))
+    by_name = with_beam(find_method("exact_fit"), "heavy_tip:heavy_tip")(frame)
+    assert by_name.values == modules["heavy_tip"].exact_fit_heavy(frame).values
+    assert find_method("linear_beam:linear_beam") is modules["linear_beam"].linear_beam
+    with pytest.raises(InputError, match="allowed is one of exact_fit, push_fit, push_fit_fri"):
+        with_beam(find_method("two_point"), "heavy_tip:heavy_tip")
+    with pytest.raises(InputError, match=r"beam 'heavy' is unknown, allowed is package\.mod"):
+        with_beam(exact_fit, "heavy")
+
+
+def test_the_centreline_of_the_page_is_honest(modules: dict[str, ModuleType]) -> None:
+    del modules
+    learn, random = find_extractor("bright_ridge:learn_bright_ridge"), generator(__name__, 4)
+    light = {tilt: drawn(guide(0.0), bent(tilt), Look(ground=0.0)) for tilt in (0.0, 0.02)}
+    extractor = learn([Sensor()(light[0.0], random)], guide(0.0))
+    line = extractor(Sensor()(light[0.02], random))
+    assert len(line.points) > 200
+    error = distances(line.points, guide(0.0).pixels(bent(0.02)))
+    rms = float(np.sqrt(np.mean(error**2)))
+    assert 0.01 < rms < 0.2
+    assert rms / 2 < np.median(line.sigma) < 2 * rms
+
+
 def test_the_files_are_short() -> None:
     texts = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     lines = [text.strip().count("\n") + 1 for text in texts]
-    assert [count <= most for count, most in zip(lines, (60, 15, 40), strict=True)] == [True] * 3
+    assert [count <= most for count, most in zip(lines, (60, 15, 40, 40), strict=True)] == [
+        True
+    ] * 4
