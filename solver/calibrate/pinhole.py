@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration, Stretch, determined
 from solver.calibrate.thresholds import THRESHOLDS
+from solver.core.correlation import field_correlation
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board
 from solver.instrument.camera import Camera
@@ -256,27 +257,9 @@ class Bundle:
         for view, errors_in_view in enumerate(np.split(residuals.reshape(-1, 2), boundaries)):
             errors[view, self.seen[view].numbers] = errors_in_view
         grid = errors.reshape(-1, self.board.rows, self.board.columns, 2)
-        numbers = [
-            _correlation_length(grid[..., i]) * _correlation_length(grid[..., i].swapaxes(1, 2))
-            for i in (0, 1)
-        ]
-        return max(numbers)
-
-
-def _correlation_length(errors: Floats) -> float:
-    """Compute 1 + twice the autocorrelation along the last axis, up to where it falls to zero.
-
-    NaN marks points that are not detected.
-    """
-    variance, total = np.nanmean(errors**2), 1.0
-    for lag in range(1, errors.shape[-1]):
-        products = errors[..., lag:] * errors[..., :-lag]
-        valid = np.isfinite(products)
-        correlation = products[valid].sum() / max(valid.sum(), 1) / variance
-        if not correlation > 0:
-            break
-        total += 2 * float(correlation)
-    return total
+        return max(
+            field_correlation(grid[..., i], 1) * field_correlation(grid[..., i], 2) for i in (0, 1)
+        )
 
 
 def _rotation_jacobian(rotation: Floats) -> Floats:
