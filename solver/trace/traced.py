@@ -13,9 +13,9 @@ from solver.instrument.arrays import Floats, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
 from solver.instrument.medians import SIGMA_OVER_MAD
-from solver.photographs.edge_pairs import EdgePairs, edge_pairs
-from solver.photographs.path_search import NEAR_MARK, BeamPath, beam_paths
-from solver.photographs.sections import TAPER, Chord, Sections, course, section_places
+from solver.trace.edge_pairs import EdgePairs, edge_pairs
+from solver.trace.path_search import NEAR_MARK, BeamPath, beam_paths
+from solver.trace.sections import TAPER, Chord, Sections, course, section_places
 
 # Shortest beam [px]: a pixel for each of the fewest sections.
 LEAST_LENGTH: Final = 80
