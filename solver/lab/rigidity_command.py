@@ -41,7 +41,7 @@ def rigidity(
         raise InputError("rigidity needs images: save some with the command snap")
     antenna = set_up(observations)
     # The sag at rest is a load to be fitted, not a bow to be subtracted.
-    at_rest = replace(antenna.at_rest, rest=antenna.at_rest.rest.without_bow())
+    at_rest = replace(antenna.at_rest, line=antenna.at_rest.line.without_bow())
     weightless = replace(antenna.rig, sag_in_plane=np.zeros(2))
     antenna = replace(antenna, at_rest=at_rest, rig=weightless)
 

@@ -16,7 +16,7 @@ import pytest
 
 from solver.__main__ import main
 from solver.antenna import Antenna
-from solver.at_rest.learn import Learn
+from solver.at_rest.agreement import Learn
 from solver.calibrate.rigidity import hung_beam
 from solver.centreline.extractor import learn_profile_fit
 from solver.centreline.extractors import EXTRACTORS
