@@ -25,6 +25,7 @@ from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import least_squares
 
+from solver.beams.linear import unit_deflection
 from solver.beams.stretch import LEAST_WIDTH, least_width
 from solver.core.correlation import correlation_length
 from solver.fitting.frame_problem import in_beam_frame
@@ -417,8 +418,7 @@ def _linear_start(groups: Sequence[_Points], at: float, length: float) -> Floats
     design, y = [], []
     for (points, _), loaded in zip(groups, (False, True), strict=True):
         x = points[:, 0]
-        inner, outer = (3 * at - x) * x**2 / 6, (3 * x - at) * at**2 / 6
-        bent = np.where(x < at, inner, outer) * loaded
+        bent = unit_deflection(x, at) / 6 * loaded
         sagged = x**2 * (6 * length**2 - 4 * length * x + x**2) / 24
         design.append(np.column_stack([bent, sagged, np.ones_like(x), x]))
         y.append(points[:, 1])

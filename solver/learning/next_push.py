@@ -14,6 +14,7 @@ import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.beams.curve import END, U, interpolated
+from solver.beams.linear import unit_deflection
 from solver.fitting.frame_problem import FrameProblem
 from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
@@ -138,7 +139,7 @@ def _image(
     """Imagine the image of a push; None if the beam cannot be bent in this way."""
     p = problem.mean.copy()
     # The load by the linear theory of a uniform beam.
-    p[Q], p[S_C] = deflection / (place**2 / 2 - place**3 / 6), place
+    p[Q], p[S_C] = 6 * deflection / float(unit_deflection(1.0, place)), place
     points = _points(problem, p)
     if points is None:
         return None
