@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.core.correlation import correlation_length
-from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows
+from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows, information_of
 from solver.core.robust import MEDIAN, tukey
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
@@ -138,16 +138,11 @@ def _from_coarse(problem: PhotosProblem, p: Floats) -> Minimum | None:
 
 
 def _joint(problems: Sequence[PhotoProblem], prior: Prior) -> PhotosProblem:
-    sigmas = np.sqrt(np.diag(prior.covariance))
-    stated = np.flatnonzero(sigmas > 0)
-    block, information = np.ix_(stated, stated), np.zeros_like(prior.covariance)
-    unit = np.outer(sigmas[stated], sigmas[stated])
-    information[block] = np.linalg.inv(prior.covariance[block] / unit) / unit
     return PhotosProblem(
         photos=tuple(problems),
         mean=prior.mean,
-        information=information,
-        free=np.flatnonzero((sigmas > 0) | prior.open),
+        information=information_of(prior.covariance),
+        free=np.flatnonzero((np.diag(prior.covariance) > 0) | prior.open),
         weights=tuple(np.ones(len(problem.points)) for problem in problems),
     )
 
