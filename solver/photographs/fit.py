@@ -21,7 +21,7 @@ from solver.instrument.medians import TUKEY_CUT
 from solver.photographs.joint import PhotosProblem
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
-from solver.photographs.problem import RIGIDITY, PhotoProblem
+from solver.photographs.problem import PhotoProblem
 from solver.photographs.starts import side_of, starts_of
 from solver.trace.traced import TracedBeam
 
@@ -166,7 +166,7 @@ def _starts(problem: PhotosProblem) -> Floats | None:
         if own is None:
             return None
         start[columns[problem.shared :]] = own
-    start[RIGIDITY] = _rigidity(problem, start)
+    start[problem.parameters["rigidity"]] = _rigidity(problem, start)
     return start
 
 
@@ -203,7 +203,8 @@ def _rigidity(problem: PhotosProblem, start: Floats) -> float:
         bent = photo.bent(p) if photo.load and photo.load.force else None
         if bent and photo.load and photo.load.force:
             ratios.append(math.log(photo.load.force.value / photo.force(p, bent)[0]))
-    return float(np.median(ratios)) if ratios and RIGIDITY in problem.free else 0.0
+    free = problem.parameters["rigidity"] in problem.free
+    return float(np.median(ratios)) if ratios and free else 0.0
 
 
 def _scale(points: Floats) -> float:

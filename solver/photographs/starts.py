@@ -5,11 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from solver.beams.beam import S_C, Q
 from solver.beams.linear import unit_deflection
 from solver.instrument.arrays import Floats
 from solver.photographs.photo_set import PhotoLoad
-from solver.photographs.problem import OWN, OWN_VIEW
+from solver.photographs.problem import OWN
 from solver.photographs.view import ROLL, SCALE, U, V
 
 # Places of a load over the length, from which a fit starts. Chosen: neighbours are in the same
@@ -51,11 +50,11 @@ def starts_of(
             bend = unit_deflection(along, at) / 6 - at_tip * along
             load = max(float(bend @ (side * heights) / (bend @ bend)), _LEAST_LOAD)
             slope = math.atan(load * at_tip)
-        start = np.zeros(OWN)
-        start[Q], start[S_C] = load, at
-        start[OWN_VIEW + U], start[OWN_VIEW + V] = clamp
-        start[OWN_VIEW + ROLL] = math.atan2(chord[1], chord[0]) + side * slope
-        start[OWN_VIEW + SCALE] = math.log(math.hypot(*chord))
+        start, view = np.zeros(len(OWN)), OWN["view"]
+        start[OWN["q"]], start[OWN["s_c"]] = load, at
+        start[view + U], start[view + V] = clamp
+        start[view + ROLL] = math.atan2(chord[1], chord[0]) + side * slope
+        start[view + SCALE] = math.log(math.hypot(*chord))
         starts.append(start)
     return starts
 
