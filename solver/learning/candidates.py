@@ -1,12 +1,12 @@
 """Beams and clamps that may explain the pushes, the simplest first."""
 
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from solver.instrument.beam_shape import (
     CLAMP_SHIFT,
-    FIRST_WIDTH,
     SOFTNESS,
     BeamShape,
     skew_sigma,
@@ -78,21 +78,18 @@ def prior_of(candidate: Candidate, stated: BeamShape) -> BeamShape:
     Terms of the width are smaller the faster they change along the beam. Where the clamp both gives
     and is elsewhere, only what the rig states of each distinguishes them.
     """
-    taper = stated.sigma(FIRST_WIDTH) if len(stated.widths) else 0.0
-    if not candidate.stated:
-        taper = max(taper, WIDEST)
+    taper = stated.taper_sigma if candidate.stated else max(stated.taper_sigma, WIDEST)
     widths = [taper / (k + 1) ** 2 for k in range(candidate.widths)]
     softness = (stated.sigma(SOFTNESS) if candidate.shifted or candidate.stated else 0.0) or SOFTEST
     shift = stated.sigma(CLAMP_SHIFT) or FARTHEST
     sigmas = [softness * candidate.soft, shift * candidate.shifted]
     skew = skew_sigma(stated.section_sigma)
-    return BeamShape(
+    return replace(
+        stated,
         widths=np.zeros(candidate.widths),
+        softness=0.0,
+        clamp_shift=0.0,
+        skew=0.0,
+        bow=np.zeros(0),
         covariance=np.diag([*sigmas, skew, *widths]) ** 2,
-        section_sigma=stated.section_sigma,
-        rigidity_sigma=stated.rigidity_sigma,
-        friction_sigma=stated.friction_sigma,
-        rigid_objects=stated.rigid_objects,
-        friction_coefficient=stated.friction_coefficient,
-        bow_sigma=stated.bow_sigma,
     )

@@ -29,6 +29,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
+from solver.instrument.transforms import turn_about_z
 from solver.methods.exact_fit import exact_fit
 
 # Prior sigma of each component where the rig states none, over the beam's length. Chosen: adaptors
@@ -167,7 +168,7 @@ def _system(
     for i, push in enumerate(pushes):
         own = 3 + 3 * i
         for touch in push:
-            turn = _rotation(touch.motor_angle)
+            turn = turn_about_z(touch.motor_angle)[:2, :2]
             side = rig.deflects_towards * np.array([-touch.normal[1], touch.normal[0]])
             by_point = turn @ np.column_stack([np.eye(2), -reach * side])
             x, y = turn @ (touch.point + position - reach * touch.normal)
@@ -209,8 +210,3 @@ def _solved(system: _System, mean: Floats, prior: Floats) -> _Solved:
 def _fitted(matrix: Floats, target: Floats) -> Fit:
     """Solve linear equations (m, p), (m,) by least squares."""
     return fit_rows(lambda p: Rows(matrix @ p - target, matrix.T.copy()), np.zeros(matrix.shape[1]))
-
-
-def _rotation(angle: float) -> Floats:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s], [s, c]])

@@ -34,6 +34,7 @@ from solver.instrument.beam_shape import FIRST_WIDTH
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.instrument.medians import SIGMA_OVER_MAD
+from solver.instrument.transforms import turn_about_z
 from solver.planes.plane_d import unproject
 
 # Points with a residual above this many sigmas have less weight.
@@ -205,7 +206,7 @@ class _Problem:
         shift_x, _, _, scale = p[4:_OWN] * self.prior_sigmas
         _, clamp_shift, skew, *_ = self.stated.shape(p[_OWN:])
         clamp = [shift_x + clamp_shift * self.length, y]
-        rotation = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
+        rotation = turn_about_z(tilt)[:2, :2]
         rows = []
         for (points, sigmas), loaded, factor in zip(
             self.groups, (False, True), inflation, strict=True
