@@ -47,7 +47,7 @@ _REST_PLACE: Final = 0.5
 
 
 def shared_parameters(widths: int) -> Parameters:
-    """Return the parameters that all photographs share, of a beam with so many widths."""
+    """Return the parameters that all photographs share, of a beam with `widths` coefficients."""
     single = ("rigidity", "length", "down", "focal", "k1", "softness")
     return Parameters((*((name, 1) for name in single), ("widths", widths), ("bow", BOW)))
 
