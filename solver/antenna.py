@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from solver.at_rest.learn import RestState
 from solver.at_rest.rest_line import RestLine
+from solver.at_rest.rest_state import RestState
 from solver.calibrate import Calibration
 from solver.centreline.extractor import Extractor
 from solver.instrument.arrays import Floats
@@ -40,7 +40,7 @@ class Antenna:
     @property
     def rest(self) -> RestLine:
         """The beam's line at rest."""
-        return self.at_rest.rest
+        return self.at_rest.line
 
     @property
     def extract(self) -> Extractor:

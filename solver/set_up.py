@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.at_rest.learn import Learn, learn_at_rest
+from solver.at_rest.agreement import Learn
+from solver.at_rest.rest_state import learn_rest_state
 from solver.calibrate import ambiguous, calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.centreline.extractor import learn_profile_fit
@@ -96,7 +97,7 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
         scale.full_scale,
         flat=rig.known_psi is not None,
     )
-    at_rest = learn_at_rest(images, guide, learn, calibration, rig)
+    at_rest = learn_rest_state(images, guide, learn, calibration, rig)
     uncertainty = calibration_uncertainty(calibration, rig)
     return Antenna(rig, calibration, at_rest, uncertainty.clamp, uncertainty.scale, scale)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.at_rest.course import course_of
+from solver.at_rest.bent_line import bent_line
 from solver.at_rest.rest_line import RestLine
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
@@ -43,26 +43,26 @@ def to_measurement(
         low, high = readings.removed
         outside = (points[:, 0] < low) | (points[:, 0] > high)
         points, sigmas = points[outside], sigmas[outside]
-    course = course_of(points, rest, rig)
+    bent = bent_line(points, rest, rig)
     motor_angle = None if antenna.in_world else readings.motor_angle
     by_weight, weight_covariance = np.zeros(3), np.zeros((5, 5))
-    if course is not None and rig.sag_in_plane.any():
-        weight = _by_own_weight(antenna, points, course.turn, motor_angle)
+    if bent is not None and rig.sag_in_plane.any():
+        weight = _by_own_weight(antenna, points, bent.turn, motor_angle)
         by_weight, weight_covariance = weight.bow, _weight_covariance(weight.bow, rig)
         rest = replace(rest, bow=rest.bow + by_weight)
-        points = points - weight.remainder[:, None] * course.normals
-        course = course_of(points, rest, rig)
+        points = points - weight.remainder[:, None] * bent.normals
+        bent = bent_line(points, rest, rig)
     shared, removed = np.empty((len(points), 0)), np.zeros_like(points)
-    if course is not None:
-        normals, bow_errors = course.normals, course.bow_errors
+    if bent is not None:
+        normals, bow_errors = bent.normals, bent.bow_errors
         across = np.maximum(np.abs((sigmas * normals).sum(axis=1)), 1e-15)
-        shading = shading_of(antenna, points, course.turn)
-        removed = course.bow[:, None] * normals
+        shading = shading_of(antenna, points, bent.turn)
+        removed = bent.bow[:, None] * normals
         shift = shading.shift
-        share = rest.share_that_follows(course.arc, course.beside, across)
+        share = rest.share_that_follows(bent.arc, bent.beside, across)
         if share:
-            rest, shift = rest.following(share), shift + share * rest.pattern_at(course.arc)
-            _, bow_errors = rest.bow_errors_at(course.arc * rest.length)
+            rest, shift = rest.following(share), shift + share * rest.pattern_at(bent.arc)
+            _, bow_errors = rest.bow_errors_at(bent.arc * rest.length)
         points = points - shift[:, None] * normals - removed
         errors = np.column_stack([bow_errors, shading.errors])
         shared = errors / across[:, None]
@@ -103,7 +103,7 @@ def to_measurement(
             line_covariance=rest.line_covariance,
             removed=removed @ axes,
             scale_sigma=bow_error,
-            errors=0 if course is None else course.bow_errors.shape[1],
+            errors=0 if bent is None else bent.bow_errors.shape[1],
         ),
     )
 

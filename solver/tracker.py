@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solver.antenna import Antenna
-from solver.at_rest.image_shift import image_shift
 from solver.at_rest.interlacing import rows_alternate
+from solver.at_rest.landmarks import with_prior
 from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError, described
@@ -158,12 +158,13 @@ def extract(antenna: Antenna, image: Grey) -> Extracted:
     line, sigma = antenna.extract(scaled), antenna.rig.tolerances.camera_shift_px
     measured = antenna.at_rest.landmarks.shift_of(scaled)
     if sigma:
-        shift = image_shift(measured, sigma)
+        shift = with_prior(measured, sigma)
         line = replace(line, shift=shift.shift, shift_covariance=shift.covariance)
     if measured is None or not measured.exceeds(sigma):
         return Extracted(line, None)
+    along, down = measured.shift
     message = (
-        f"the image has shifted by {measured.du:.2f} px along its rows and {measured.dv:.2f} px "
+        f"the image has shifted by {along:.2f} px along its rows and {down:.2f} px "
         "down since the rest images: record new ones"
     )
     moved = Estimate(Outcome.CAMERA_MOVED, message, assumption=Assumption.CAMERA_AT_REST)

@@ -6,8 +6,8 @@ import numpy as np
 
 from solver.antenna import Antenna
 from solver.at_rest.landmarks import learn_landmarks
-from solver.at_rest.learn import RestState, learn_at_rest
 from solver.at_rest.rest_line import RestLine
+from solver.at_rest.rest_state import RestState, learn_rest_state
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
 from solver.centreline.extractor import learn_profile_fit
@@ -42,13 +42,13 @@ def rig() -> Rig:
 
 def at_rest(images: list[Grey], seen_by: Guide = GUIDE) -> RestState:
     """What images (height, width) of the beam at rest teach. Raises InputError."""
-    return learn_at_rest(
+    return learn_rest_state(
         images, seen_by, learn_profile_fit, Calibration(seen_by.camera, 0.02), rig()
     )
 
 
 def antenna_with(rest: RestLine) -> Antenna:
-    """An antenna whose course at rest is `rest`, without landmarks in view."""
+    """An antenna whose line at rest is `rest`, without landmarks in view."""
     even = np.full((HEIGHT, WIDTH), 50, np.uint8)
     marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, NOISE)
     return Antenna(

@@ -76,7 +76,7 @@ def without_nuisances(antenna: Antenna) -> Antenna:
         covariance=np.zeros((5, 5)),
         length=antenna.rest.length,
     )
-    at_rest = replace(antenna.at_rest, rest=stated)
+    at_rest = replace(antenna.at_rest, line=stated)
     exact = replace(without_light(rig), tolerances=tolerances)
     return replace(antenna, rig=exact, at_rest=at_rest, clamp_sigma=0.0, scale_sigma=0.0)
 

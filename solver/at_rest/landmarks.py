@@ -52,22 +52,35 @@ DARKEST = 1.0
 BLOCK = 16
 
 
-class Shift(NamedTuple):
-    """Shift of the image (du, dv) [px], and its covariance (uu, uv, vv) [px^2]."""
+class ImageShift(NamedTuple):
+    """Shift (2,) [px] of an image along its rows and down, and its covariance (2, 2) [px^2]."""
 
-    du: float
-    dv: float
-    uu: float
-    uv: float
-    vv: float
+    shift: Floats
+    covariance: Floats
 
     def exceeds(self, sigma_px: float) -> bool:
         """Return whether the shift exceeds three sigmas, where shifts of `sigma_px` are usual."""
+        (du, dv), ((uu, uv), (_, vv)) = self.shift, self.covariance
         usual_variance = THRESHOLDS.steadiness_px**2 + sigma_px**2
-        uu, vv = self.uu + usual_variance, self.vv + usual_variance
+        uu, vv = uu + usual_variance, vv + usual_variance
         # Squared Mahalanobis distance, with the inverse of the covariance written out.
-        distance2 = vv * self.du**2 - 2 * self.uv * self.du * self.dv + uu * self.dv**2
-        return distance2 > THRESHOLDS.moved_chi2 * (uu * vv - self.uv**2)
+        distance2 = vv * du**2 - 2 * uv * du * dv + uu * dv**2
+        return bool(distance2 > THRESHOLDS.moved_chi2 * (uu * vv - uv**2))
+
+
+def with_prior(measured: ImageShift | None, sigma_px: float) -> ImageShift:
+    """Combine a measured shift with the prior, which has the sigma `sigma_px` in each direction.
+
+    Shadows and reflections move the landmarks a little, too. Where nothing was measured, the prior
+    remains.
+    """
+    prior = np.eye(2) * sigma_px**2
+    if measured is None:
+        return ImageShift(np.zeros(2), prior)
+    error = measured.covariance + np.eye(2) * THRESHOLDS.steadiness_px**2
+    gain = prior @ np.linalg.inv(prior + error)
+    covariance = prior - gain @ prior
+    return ImageShift(gain @ measured.shift, (covariance + covariance.T) / 2)
 
 
 class Pixels(NamedTuple):
@@ -135,7 +148,7 @@ class Landmarks:
             else math.inf
         )
 
-    def shift_of(self, image: Grey) -> Shift | None:
+    def shift_of(self, image: Grey) -> ImageShift | None:
         """Measure the shift of an image (height, width); return None if the landmarks disagree.
 
         They also disagree if their light has changed otherwise than that of the whole image: the
@@ -153,8 +166,8 @@ class Landmarks:
         usual_scatter = 1 + 3.1 * 1.17 / math.sqrt(len(self.pixels.rows))
         inflation = 1 + max(match.scatter**2 - usual_scatter**2, 0.0) * self._pixels_per_block
         inflation = max(inflation, self._correlated_pixels)
-        uu, uv, vv = (inflation * entry for entry in (match.uu, match.uv, match.vv))
-        return Shift(match.du, match.dv, uu, uv, vv)
+        covariance = np.array([[match.uu, match.uv], [match.uv, match.vv]])
+        return ImageShift(np.array([match.du, match.dv]), inflation * covariance)
 
     @cached_property
     def _rounding(self) -> float:

@@ -11,13 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from solver.at_rest.grid_fit import LinearFit, least_squares
-from solver.at_rest.mean_line import MeanLine, centres, mean_line, place_keys
 from solver.at_rest.pattern import NODES, pattern_of, share_that_follows
+from solver.at_rest.rest_points import LinearFit, RestPoints, fit_columns, mean_points
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
-from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -112,7 +110,7 @@ class RestLine:
     @cached_property
     def bow_size(self) -> float:
         """Root mean square [m] of the bow and its sigma together, along the beam."""
-        bow, sigma = self.bow_at(np.linspace(0.0, self.length, 50))
+        bow, sigma = self.bow_at(_along(self.length))
         return float(np.sqrt(np.mean(bow**2 + sigma**2)))
 
     @cached_property
@@ -140,22 +138,16 @@ class RestLine:
 
     @cached_property
     def _line_through(self) -> Floats:
-        """Least-squares line (2, 5) through each of the curve's terms."""
-        curve, line = self._basis(np.linspace(0.0, self.length, 50))
-        return np.asarray(np.linalg.pinv(line) @ curve)
-
-    def _basis(self, x: Floats) -> tuple[Floats, Floats]:
-        curve = _curve(x, self.length)
-        return curve, curve[:, :2]
+        return _line_through(self.length)
 
 
-def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> RestLine:
+def fit_rest_line(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> RestLine:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
     The covariance follows from the points' own scatter. Raises InputError where the images show
     too little of the beam.
     """
-    mean = mean_line(lines, calibration)
+    mean = mean_points(lines, calibration)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < THRESHOLDS.min_points:
         raise InputError(
@@ -163,8 +155,8 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
             f"needed are {THRESHOLDS.min_points}"
         )
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
-    bowed = least_squares(_curve(x, rig.beam.length), y, mean)
-    rest = _course_at_rest(x, y, mean, bowed, rig)
+    bowed = fit_columns(mean, _curve(x, rig.beam.length), y)
+    rest = _line_or_bow(x, y, mean, bowed, rig)
     if rest.bow_undecided:
         return rest
     beside = y - rest.y_at_clamp - rest.slope * x - rest.bow_at(x)[0]
@@ -172,27 +164,32 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     return replace(rest, pattern=pattern, noise_covariance=bowed.noise_covariance)
 
 
-def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, rig: Rig) -> RestLine:
+def _line_or_bow(x: Floats, y: Floats, mean: RestPoints, bowed: LinearFit, rig: Rig) -> RestLine:
     """Choose a line, or a bow where there is one, by what each leaves of the points (n,) [m]."""
     length = rig.beam.length
-    line = np.column_stack([np.ones_like(x), x])
     curve = _curve(x, length)
-    straight = least_squares(line, y, mean)
+    straight = fit_columns(mean, np.column_stack([np.ones_like(x), x]), y)
     c, s = bowed.coefficients, np.append(straight.coefficients, np.zeros(3))
     covariance = np.zeros((5, 5))
     covariance[:2, :2] = straight.covariance
+    if len(x) <= MIN_BOW_POINTS:
+        return _rest_line(s, covariance, length)
     # Both fits are compared by the scatter about the curve, which fits the beam in either case.
     gain = straight.chi2 - bowed.chi2
-    if len(x) > MIN_BOW_POINTS:
-        if gain <= THRESHOLDS.bow_chi2 * bowed.scatter:
-            return _hardly_bowed(bowed, straight, gain, _small_bow(rig, mean.pixel), length)
-        bend = float(np.abs(curve @ (c - s)).max())
-        if gain > THRESHOLDS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
-            return RestLine(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
-        # Uniform from straight to fully bowed: the second moment about zero.
-        covariance += np.outer(c - s, c - s) / 3
-        return RestLine(float(s[0]), float(s[1]), s[2:], covariance, length, bow_undecided=True)
-    return RestLine(float(s[0]), float(s[1]), s[2:], covariance, length)
+    if gain <= THRESHOLDS.bow_chi2 * bowed.scatter:
+        return _hardly_bowed(bowed, straight, gain, _small_bow(rig, mean.pixel), length)
+    bend = float(np.abs(curve @ (c - s)).max())
+    if gain > THRESHOLDS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
+        return _rest_line(c, bowed.covariance, length)
+    # Uniform from straight to fully bowed: the second moment about zero.
+    covariance += np.outer(c - s, c - s) / 3
+    return replace(_rest_line(s, covariance, length), bow_undecided=True)
+
+
+def _rest_line(coefficients: Floats, covariance: Floats, length: float) -> RestLine:
+    """Return the line with coefficients (5,) and covariance (5, 5) of (y_at_clamp, slope, bow)."""
+    y_at_clamp, slope, *_ = coefficients
+    return RestLine(float(y_at_clamp), float(slope), coefficients[2:], covariance, length)
 
 
 def _small_bow(rig: Rig, pixel: float) -> float:
@@ -213,8 +210,7 @@ def _hardly_bowed(
     is subtracted where Akaike's criterion (1974) asks for its three coefficients, whether errors
     are like noise or follow the pixel grid.
     """
-    curve = _curve(np.linspace(0.0, length, 50), length)
-    line_through = np.linalg.pinv(curve[:, :2]) @ curve
+    curve, line_through = _curve(_along(length), length), _line_through(length)
     relative = curve - curve[:, :2] @ line_through
     prior = 3 * relative.T @ relative / len(relative) / small**2
     # (1 + C P)^-1 C is the posterior's covariance also for a P that leaves the line free.
@@ -227,36 +223,21 @@ def _hardly_bowed(
         about_line[:2] -= line_through
         covariance = about_line @ covariance @ about_line.T
         covariance[:2, :2] += straight.covariance
-    return RestLine(float(c[0]), float(c[1]), c[2:], (covariance + covariance.T) / 2, length)
-
-
-def disagreements(lines: Sequence[Centreline]) -> Floats:
-    """Measure the largest deviation (n,) [px] of each image's beam from the median of all.
-
-    `lines` are the centrelines of n images of the beam at rest. An image that agrees with the
-    others within its errors has 0.
-    """
-    deviations = np.zeros(len(lines))
-    centre_by_key = [dict(zip(place_keys(line), centres(line), strict=True)) for line in lines]
-    keys = sorted(set.intersection(*map(set, centre_by_key)))
-    if len(keys) < THRESHOLDS.min_points:
-        return deviations
-    centre = np.array([[centres[key] for key in keys] for centres in centre_by_key])
-    shape = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, len(keys)), 3)
-    for i, difference in enumerate(centre - np.median(centre, axis=0)):
-        smooth = shape @ np.linalg.lstsq(shape, difference)[0]
-        residual = difference - smooth
-        variance = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)
-        largest = float(np.abs(smooth).max())
-        if (
-            smooth @ smooth / variance > THRESHOLDS.disagreement_chi2
-            and largest > THRESHOLDS.disagreement_px
-        ):
-            deviations[i] = largest
-    return deviations
+    return _rest_line(c, (covariance + covariance.T) / 2, length)
 
 
 def _curve(x: Floats, length: float) -> Floats:
     """Compute the terms (n, 5) of the beam's course at rest: a line and a bow."""
     t = x / length
     return np.column_stack([np.ones_like(x), x, t**2, t**3, t**4])
+
+
+def _along(length: float) -> Floats:
+    """Return places (50,) [m] along the beam, over which its course is averaged."""
+    return np.linspace(0.0, length, 50)
+
+
+def _line_through(length: float) -> Floats:
+    """Compute the least-squares line (2, 5) through each of the curve's terms along the beam."""
+    curve = _curve(_along(length), length)
+    return np.asarray(np.linalg.pinv(curve[:, :2]) @ curve)

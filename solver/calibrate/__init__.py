@@ -15,8 +15,7 @@ from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import UNDETERMINED
 from solver.calibrate.calibration import Calibration as Calibration
 from solver.calibrate.lines import line_network
-from solver.calibrate.pinhole import pinhole
-from solver.calibrate.plane_alone import plane_alone
+from solver.calibrate.pinhole import pinhole, plane_alone
 from solver.calibrate.saddles import charuco, chessboard, other_chessboard
 from solver.calibrate.telecentric import telecentric
 from solver.calibrate.thresholds import THRESHOLDS

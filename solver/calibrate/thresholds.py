@@ -1,14 +1,13 @@
-"""Thresholds of the camera's and the beam's calibration.
+"""Thresholds of the camera's calibration.
 
 Derived: computed from what is stated. Measured: on what is stated. Chosen: by judgement.
 """
 
-import math
 from typing import Final, NamedTuple
 
 
 class CalibrationThresholds(NamedTuple):
-    """Thresholds of the camera's and the beam's calibration."""
+    """Thresholds of the camera's calibration."""
 
     # Fewest points of a target that may be partly visible, in at least three rows and columns.
     # Chosen.
@@ -34,18 +33,6 @@ class CalibrationThresholds(NamedTuple):
     # times as much. Second, derived: noise alone exceeds it once in two million.
     max_stretch: float = 1e-3
     max_stretch_sigmas: float = 5.0
-    # Fewest points of a beam under a hung weight. Chosen.
-    min_weight_points: int = 20
-    # Largest slope [rad] under a hung weight. Chosen: on a steeper beam, x no longer determines the
-    # place, and the weight slides.
-    max_slope: float = math.radians(60)
-    # Least load of a hung weight over its sigma. Chosen: it determines EI to 5 %.
-    min_load_sigmas: float = 20.0
-    # Deviation of the weight's place, and of the clamp's level, from those stated, in sigmas.
-    # Chosen.
-    max_weight_deviation: float = 4.0
-    # Scatter of the points about the fitted beam under a hung weight, in sigmas. Chosen.
-    max_weight_misfit: float = 3.0
 
 
 THRESHOLDS: Final = CalibrationThresholds()

@@ -1,4 +1,4 @@
-"""Compute the correlation length of the errors of neighbouring points."""
+"""Compute the correlation length of the errors of neighbouring points: of a line, or of a field."""
 
 import numpy as np
 
@@ -44,3 +44,26 @@ def integrated_correlation(residual: Floats) -> float:
     for i in range(n + window):
         total += (cumulative[window + i] - cumulative[i]) ** 2
     return max(1.0, total / (window * power))
+
+
+def field_correlation(field: Floats, axis: int, *, tapered: bool = False) -> float:
+    """Compute the integrated autocorrelation of a field of residuals along an axis; at least 1.
+
+    It sums the autocorrelation of all lines along the axis together, each of which may be too short
+    for `correlation_length`, up to where it falls to zero; the field's mean is taken to be zero.
+    NaN marks gaps, and each lag averages the pairs that it has. With `tapered` each lag is weighted
+    by its share of pairs instead, and the lags end at half the axis: for fields without gaps whose
+    lines have an error in common, so that their autocorrelation does not fall to zero.
+    """
+    lines = np.moveaxis(field, axis, 0)
+    known = np.isfinite(lines)
+    lines = np.where(known, lines, 0.0)
+    size, total = len(lines), 1.0
+    power = max(float(np.sum(lines**2)), 1e-300)
+    for lag in range(1, size // 2 if tapered else size):
+        pairs = known.sum() if tapered else max((known[lag:] & known[:-lag]).sum(), 1)
+        products = float(np.sum(lines[lag:] * lines[:-lag])) * float(known.sum() / pairs)
+        if products <= 0:
+            break
+        total += 2 * products / power
+    return total

@@ -31,6 +31,9 @@ _PARTS: Final = (1.0, 0.5, 0.25, 0.125, 0.0625)
 # Pivot or eigenvalue of scaled normal equations below which they do not determine a direction.
 # Chosen: well above rounding.
 MIN_PIVOT: Final = 1e-12
+# Least variance of a combination of a prior's parameters, over those of its parts. Chosen: a
+# ten-thousandth of their sigmas is certain.
+_CERTAIN: Final = 1e-8
 
 
 class Rows(NamedTuple):
@@ -201,6 +204,22 @@ def whole(rows: Rows) -> Block:
     residual, jacobian = rows
     chi2 = float(residual @ residual)
     return Block(rows, np.arange(len(jacobian)), np.ones(len(residual)), chi2)
+
+
+def information_of(covariance: Floats) -> Floats:
+    """Invert the covariance (p, p) of a prior, which may be singular, as where a bow is undecided.
+
+    Parameters without variance have neither information nor correlation: they are fixed, or open.
+    """
+    uncertain = np.flatnonzero(np.diag(covariance) > 0)
+    block = np.ix_(uncertain, uncertain)
+    # In units of the sigmas, which differ by orders of magnitude.
+    sigmas = np.sqrt(np.diag(covariance)[uncertain])
+    unit = np.outer(sigmas, sigmas)
+    values, vectors = np.linalg.eigh(covariance[block] / unit)
+    information = np.zeros_like(covariance)
+    information[block] = (vectors / np.maximum(values, _CERTAIN)) @ vectors.T / unit
+    return information
 
 
 def normal_equations(

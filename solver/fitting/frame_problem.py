@@ -9,6 +9,7 @@ import numpy as np
 
 from solver.beams.beam import ERRORS, FRICTION_RATIO, S_C, Beam, BentBeam, Q, with_clamp
 from solver.beams.integrated import IntegratedBeam
+from solver.core.least_squares import information_of
 from solver.core.parameters import Parameters
 from solver.fitting.beam_residuals import beam_residuals
 from solver.instrument.arrays import Floats
@@ -28,9 +29,6 @@ LEAST_REFLECTION: Final = 0.5
 # Part of the variance of what objects do, by their light or friction, that is the same for all
 # objects of a rig. Chosen: they may be alike or not.
 SHARED_VARIANCE_FRACTION: Final = 0.5
-# Least variance of a combination of parameters, over those of its parts. Chosen: a ten-thousandth
-# of their sigmas is certain.
-_CERTAIN: Final = 1e-8
 
 
 class RigidObjects(NamedTuple):
@@ -150,16 +148,13 @@ def frame_problem_of(
     for name, prior in beam.prior.items():
         mean[at[name]], covariance[at[name], at[name]] = prior.mean, prior.sigma**2
     uncertain = np.flatnonzero(np.diag(covariance) > 0)
-    information = np.zeros_like(covariance)
-    block = np.ix_(uncertain, uncertain)
-    information[block] = _information(covariance[block])
     return FrameProblem(
         points=points,
         view=view,
         beam=beam,
         shared=shared,
         mean=mean,
-        information=information,
+        information=information_of(covariance),
         free=np.array([Q, S_C, *uncertain]),
         rigid=_rigid_objects(measurement),
     )
@@ -173,15 +168,6 @@ def _rigid_objects(measurement: Measurement) -> RigidObjects | None:
     axes = measurement.antenna_from_beam[:2, :2]
     begin = axes.T @ rig.clamp_offset.position / rig.beam.length
     return RigidObjects(-begin - [rig.shape.clamp_shift, 0.0], rig.shape.friction)
-
-
-def _information(covariance: Floats) -> Floats:
-    """Invert a covariance (p, p) that may be singular, as where a bow is undecided."""
-    # In units of the sigmas, which differ by orders of magnitude.
-    sigmas = np.sqrt(np.diag(covariance))
-    values, vectors = np.linalg.eigh(covariance / np.outer(sigmas, sigmas))
-    inverse = (vectors / np.maximum(values, _CERTAIN)) @ vectors.T
-    return np.asarray(inverse / np.outer(sigmas, sigmas))
 
 
 def _prior(measurement: Measurement, at: Parameters, light: float) -> tuple[Floats, Floats]:

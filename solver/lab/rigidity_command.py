@@ -8,7 +8,6 @@ import typer
 from rich.console import Console
 from scipy.constants import g
 
-from solver.calibrate.rigidity import HungWeight, flexural_rigidity
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
@@ -16,6 +15,7 @@ from solver.instrument.observation import rig_file
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.lab.controls import NO_CONTROLS
 from solver.lab.input_options import RigOption, open_inputs
+from solver.learning.hung_rigidity import HungWeight, flexural_rigidity
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
 from solver.tracker import extract_centreline
@@ -41,7 +41,7 @@ def rigidity(
         raise InputError("rigidity needs images: save some with the command snap")
     antenna = set_up(observations)
     # The sag at rest is a load to be fitted, not a bow to be subtracted.
-    at_rest = replace(antenna.at_rest, rest=antenna.at_rest.rest.without_bow())
+    at_rest = replace(antenna.at_rest, line=antenna.at_rest.line.without_bow())
     weightless = replace(antenna.rig, sag_in_plane=np.zeros(2))
     antenna = replace(antenna, at_rest=at_rest, rig=weightless)
 

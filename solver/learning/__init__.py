@@ -1,1 +1,1 @@
-"""Learning the beam and its clamp from pushes against unknown objects."""
+"""Learning the beam and its clamp: shape from pushes, EI from a weight or a known force."""

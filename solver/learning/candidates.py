@@ -1,12 +1,12 @@
 """Beams and clamps that may explain the pushes, the simplest first."""
 
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from solver.instrument.beam_shape import (
     CLAMP_SHIFT,
-    FIRST_WIDTH,
     SOFTNESS,
     BeamShape,
     skew_sigma,
@@ -21,10 +21,10 @@ FARTHEST: Final = 0.02
 
 
 class Candidate(NamedTuple):
-    """A beam with `widths` terms of its width, on a clamp that gives if `soft`.
+    """A beam with `widths` terms of its width, on a compliant clamp if `soft`.
 
     If `shifted` it begins to bend at another place than the rig's clamp. The two are almost alike:
-    the first millimetre of a beam turns it as a clamp does that gives. If `stated`, width and clamp
+    the first millimetre of a beam turns it as a compliant clamp does. If `stated`, width and clamp
     have the sigmas that the rig states, which others may exceed.
     """
 
@@ -37,7 +37,7 @@ class Candidate(NamedTuple):
     def name(self) -> str:
         """Words for a table."""
         width = ("uniform", "cone", "width of degree 2", "width of degree 3")[self.widths]
-        soft = ", clamp that gives" if self.soft else ""
+        soft = ", compliant clamp" if self.soft else ""
         shifted = ", clamp elsewhere" if self.shifted else ""
         return width + soft + shifted + (", as far as the rig states" if self.stated else "")
 
@@ -54,8 +54,8 @@ _MAX_WIDTHS: Final = 3
 def candidates_of(stated: BeamShape) -> list[Candidate]:
     """Return the candidates, those with fewest parameters first.
 
-    A taper, or a clamp that gives or is elsewhere, which the rig states as possible is in all of
-    them, and in the first one no larger than stated. Of equally simple ones, a clamp that gives
+    A taper, or a clamp that is compliant or elsewhere, which the rig states as possible is in all
+    of them, and in the first one no larger than stated. Of equally simple ones, a compliant clamp
     comes before one that is elsewhere.
     """
     soft, shifted = bool(stated.sigma(SOFTNESS)), bool(stated.sigma(CLAMP_SHIFT))
@@ -75,24 +75,21 @@ def candidates_of(stated: BeamShape) -> list[Candidate]:
 def prior_of(candidate: Candidate, stated: BeamShape) -> BeamShape:
     """Return a candidate's beam before any push, with the rig's stated section and friction.
 
-    Terms of the width are smaller the faster they change along the beam. Where the clamp both gives
-    and is elsewhere, only what the rig states of each distinguishes them.
+    Terms of the width are smaller the faster they change along the beam. Where the clamp is both
+    compliant and elsewhere, only what the rig states of each distinguishes them.
     """
-    taper = stated.sigma(FIRST_WIDTH) if len(stated.widths) else 0.0
-    if not candidate.stated:
-        taper = max(taper, WIDEST)
+    taper = stated.taper_sigma if candidate.stated else max(stated.taper_sigma, WIDEST)
     widths = [taper / (k + 1) ** 2 for k in range(candidate.widths)]
     softness = (stated.sigma(SOFTNESS) if candidate.shifted or candidate.stated else 0.0) or SOFTEST
     shift = stated.sigma(CLAMP_SHIFT) or FARTHEST
     sigmas = [softness * candidate.soft, shift * candidate.shifted]
     skew = skew_sigma(stated.section_sigma)
-    return BeamShape(
+    return replace(
+        stated,
         widths=np.zeros(candidate.widths),
+        softness=0.0,
+        clamp_shift=0.0,
+        skew=0.0,
+        bow=np.zeros(0),
         covariance=np.diag([*sigmas, skew, *widths]) ** 2,
-        section_sigma=stated.section_sigma,
-        rigidity_sigma=stated.rigidity_sigma,
-        friction_sigma=stated.friction_sigma,
-        rigid_objects=stated.rigid_objects,
-        friction_coefficient=stated.friction_coefficient,
-        bow_sigma=stated.bow_sigma,
     )

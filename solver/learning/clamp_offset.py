@@ -22,12 +22,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
+from solver.core.least_squares import Fit, Rows, fit_rows
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.push_joint import RADIUS_SIGMA
 from solver.instrument.arrays import Floats
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
+from solver.instrument.transforms import turn_about_z
 from solver.methods.exact_fit import exact_fit
 
 # Prior sigma of each component where the rig states none, over the beam's length. Chosen: adaptors
@@ -166,7 +168,7 @@ def _system(
     for i, push in enumerate(pushes):
         own = 3 + 3 * i
         for touch in push:
-            turn = _rotation(touch.motor_angle)
+            turn = turn_about_z(touch.motor_angle)[:2, :2]
             side = rig.deflects_towards * np.array([-touch.normal[1], touch.normal[0]])
             by_point = turn @ np.column_stack([np.eye(2), -reach * side])
             x, y = turn @ (touch.point + position - reach * touch.normal)
@@ -197,22 +199,14 @@ def _solved(system: _System, mean: Floats, prior: Floats) -> _Solved:
     matrix, target = system
     root = np.linalg.inv(np.linalg.cholesky(prior))
     with_prior = np.vstack([matrix, np.pad(root, ((0, 0), (0, matrix.shape[1] - 2)))])
-    solution, chi2 = _least_squares(with_prior, np.append(target, root @ mean))
-    _, held = _least_squares(matrix[:, 2:], target - matrix[:, :2] @ mean)
-    unit = np.linalg.norm(with_prior, axis=0)
-    normal = (with_prior / unit).T @ (with_prior / unit)
-    covariance = (np.linalg.inv(normal) / np.outer(unit, unit))[:2, :2]
-    return _Solved(solution[:2], (covariance + covariance.T) / 2, chi2, held - chi2)
+    fit = _fitted(with_prior, np.append(target, root @ mean))
+    held = _fitted(matrix[:, 2:], target - matrix[:, :2] @ mean)
+    covariance = fit.covariance[:2, :2]
+    return _Solved(
+        fit.parameters[:2], (covariance + covariance.T) / 2, fit.chi2, held.chi2 - fit.chi2
+    )
 
 
-def _least_squares(matrix: Floats, target: Floats) -> tuple[Floats, float]:
-    """Solve by least squares; return the solution, and the sum of squares."""
-    unit = np.linalg.norm(matrix, axis=0)
-    solution = np.linalg.lstsq(matrix / unit, target)[0] / unit
-    residual = target - matrix @ solution
-    return solution, float(residual @ residual)
-
-
-def _rotation(angle: float) -> Floats:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s], [s, c]])
+def _fitted(matrix: Floats, target: Floats) -> Fit:
+    """Solve linear equations (m, p), (m,) by least squares."""
+    return fit_rows(lambda p: Rows(matrix @ p - target, matrix.T.copy()), np.zeros(matrix.shape[1]))

@@ -14,8 +14,7 @@ from scipy.special import stdtrit
 from solver.beams.beam import S_C
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import CLAMP_SHIFT, BeamShape
-from solver.instrument.beam_shape import SOFTNESS as SOFT
+from solver.instrument.beam_shape import CLAMP_SHIFT, SOFTNESS, BeamShape
 from solver.learning.candidates import Candidate, candidates_of, prior_of
 from solver.learning.pushes import BentFrame
 from solver.learning.shape import fit_frames, learn_shape
@@ -80,7 +79,7 @@ def compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[T
 def _impossible(shape: BeamShape) -> bool:
     """Test whether the clamp would turn against its moment: the beam begins beyond it instead."""
     alone = not shape.sigma(CLAMP_SHIFT)
-    return alone and shape.softness < -THRESHOLDS.impossible_sigmas * shape.sigma(SOFT)
+    return alone and shape.softness < -THRESHOLDS.impossible_sigmas * shape.sigma(SOFTNESS)
 
 
 def _parts(pushes: Sequence[Sequence[BentFrame]]) -> Floats:

@@ -111,6 +111,6 @@ def _bent_pushes(pushes: Sequence[Sequence[Measurement]]) -> list[list[BentFrame
 def _of_single_frames(stated: BeamShape) -> BeamShape:
     """Return the prior of the frames' own fits, whose residuals show outliers.
 
-    It is a cone. Where the clamp may be elsewhere it is one that gives, which looks the same.
+    It is a cone. Where the clamp may be elsewhere it is compliant, which looks the same.
     """
     return prior_of(Candidate(1, soft=bool(stated.sigma(CLAMP_SHIFT))), stated)

@@ -14,9 +14,11 @@ import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.beams.curve import END, U, interpolated
+from solver.beams.linear import unit_deflection
 from solver.fitting.frame_problem import FrameProblem
 from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
 from solver.uniform.residuals import SIGMA_X, SIGMA_Y
 
 # Contacts and deflections of the tip that are compared, over the beam's length, and at which the
@@ -138,7 +140,7 @@ def _image(
     """Imagine the image of a push; None if the beam cannot be bent in this way."""
     p = problem.mean.copy()
     # The load by the linear theory of a uniform beam.
-    p[Q], p[S_C] = deflection / (place**2 / 2 - place**3 / 6), place
+    p[Q], p[S_C] = 6 * deflection / float(unit_deflection(1.0, place)), place
     points = _points(problem, p)
     if points is None:
         return None
@@ -177,7 +179,7 @@ def _points(problem: FrameProblem, p: Floats) -> Floats | None:
     fits = [interpolated(curve.nodes, int(i), float(at)) for i, at in zip(nodes, u, strict=True)]
     value, slope = np.array([fit[0] for fit in fits]), np.array([fit[1] for fit in fits])
     turn = angle + p[at["tilt"]] + p[at["softness"]] * bent.moment
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    rotation = turn_about_z(turn)[:2, :2]
     # P decreases along the beam as u does.
     along, across = lever - u, value - height
     normal = np.array([slope, np.ones(count)]) / np.hypot(1, slope)

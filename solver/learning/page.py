@@ -127,7 +127,7 @@ def _rigidity_sigma(rig: Rig) -> float:
 
 
 def _alike(shape: BeamShape, length: float) -> str:
-    """Describe the other clamp that would look like one that gives."""
+    """Describe the other clamp that would look like a compliant one."""
     before = shape.softness * length / MILLIMETRE
     side, farther = ("before", "farther from") if before >= 0 else ("beyond", "nearer to")
     return (

@@ -2,15 +2,21 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from solver.fitting.frame_problem import SHARED_VARIANCE_FRACTION, FrameProblem
 from solver.fitting.joint_fit import JointFit, fit_jointly
-from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape, Friction
-from solver.instrument.beam_shape import SOFTNESS as SOFT
+from solver.instrument.beam_shape import (
+    CLAMP_SHIFT,
+    FIRST_WIDTH,
+    SKEW,
+    SOFTNESS,
+    BeamShape,
+    Friction,
+)
 from solver.learning.pushes import BentFrame, problems_of, with_shared_errors
 
 # Sigmas of a taper or softness beyond which it contradicts the rig's statement. Chosen.
@@ -66,7 +72,7 @@ def exceeds(shape: BeamShape, stated: BeamShape) -> bool:
     """Test whether a learned taper or softness contradicts what the rig states of it."""
     taper = abs(shape.widths[0]) if len(shape.widths) else 0.0
     of_taper = stated.sigma(FIRST_WIDTH) if len(stated.widths) else math.inf
-    of_clamp = stated.sigma(SOFT) or math.inf
+    of_clamp = stated.sigma(SOFTNESS) or math.inf
     return max(taper / of_taper, abs(shape.softness) / of_clamp) > _CONTRADICTION
 
 
@@ -98,18 +104,15 @@ def learn_shape(frames: Sequence[BentFrame], prior: BeamShape) -> LearnedShape |
     friction = Friction(prior.friction_coefficient, prior.friction_sigma)
     if problems[0].rigid is not None:
         friction = _of_other_objects(problems[0].rigid.friction, fit, misfit)
-    shape = BeamShape(
+    shape = replace(
+        prior,
         widths=values[FIRST_WIDTH:bow],
-        softness=float(values[0]),
+        softness=float(values[SOFTNESS]),
         clamp_shift=float(values[CLAMP_SHIFT]),
         skew=float(values[SKEW]),
         bow=values[bow:],
         covariance=(covariance + covariance.T) / 2,
-        section_sigma=prior.section_sigma,
-        rigidity_sigma=prior.rigidity_sigma,
         friction_sigma=friction.sigma,
-        rigid_objects=prior.rigid_objects,
-        bow_sigma=prior.bow_sigma,
         friction_coefficient=friction.coefficient,
     )
     return LearnedShape(shape, misfit, fit.converged)

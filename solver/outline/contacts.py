@@ -19,6 +19,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.rig import Rig
+from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 
 # Smallest ratio of a point's variance, without the part that all contacts share, to the variance
@@ -121,8 +122,7 @@ def _contact(row: Row, frame: ImageFrame, rig: Rig) -> _Contact:
     arm = np.array([x, y])
     by_sigma_a = np.column_stack([np.eye(2), _across(arm - rig.antenna_from_board[:2, 3])])
     common = by_sigma_a * shared_sigmas(rig)
-    cosine, sine = math.cos(carriage.turn), math.sin(carriage.turn)
-    turn = np.array([[cosine, -sine], [sine, cosine]])
+    turn = turn_about_z(carriage.turn)[:2, :2]
     by_turn = turn @ _across(arm) * carriage.turn_sigma
     own = turn @ _subtracted(in_world, common @ common.T) @ turn.T
     own += carriage.position_sigma**2 * np.eye(2) + np.outer(by_turn, by_turn)

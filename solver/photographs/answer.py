@@ -6,26 +6,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beams.beam import S_C, Q
 from solver.beams.dead_load import turn_of
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BOW
 from solver.instrument.estimate import Outcome
 from solver.photographs.bent_beam import contact_place
 from solver.photographs.fit import PhotosFit
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import nominal_rigidity
-from solver.photographs.problem import (
-    FOCAL,
-    K1,
-    LENGTH,
-    OWN_VIEW,
-    RIGIDITY,
-    SHAPE,
-    SOFT,
-    PhotoProblem,
-)
+from solver.photographs.problem import PhotoProblem
 from solver.photographs.view import VIEW_A, VIEW_B
 
 # A contact nearer to the tip than this many sigmas is at the tip. Chosen, as in `verdict`.
@@ -58,35 +47,35 @@ class PhotoAnswer:
 
 def shared_values(fit: PhotosFit, photos: PhotoSet) -> dict[str, Value]:
     """Return what all photographs share, in SI units: EI where it is known, bow, lens, clamp."""
-    p, errors = fit.at.p, fit.covariance
-    widths = len(photos.shape.widths)
+    p, errors, at = fit.at.p, fit.covariance, fit.problem.parameters
 
-    def value(i: int, scale: float = 1.0) -> Value:
-        return Value(float(p[i]) * scale, math.sqrt(max(errors[i, i], 0.0)) * scale)
+    def value(i: int) -> Value:
+        return Value(float(p[i]), math.sqrt(max(errors[i, i], 0.0)))
+
+    def scale(name: str, nominal: float) -> Value:
+        """Return what has its logarithm over a nominal value as a parameter."""
+        size = nominal * math.exp(p[at[name]])
+        return Value(size, size * math.sqrt(errors[at[name], at[name]]))
 
     values = {}
     if rigidity_known(fit, photos):
-        rigidity = nominal_rigidity(photos) * math.exp(p[RIGIDITY])
-        values["flexural_rigidity_n_m2"] = Value(
-            rigidity, rigidity * math.sqrt(errors[RIGIDITY, RIGIDITY])
-        )
-    length, focal = photos.length.value * math.exp(p[LENGTH]), math.exp(p[FOCAL])
-    values["length_m"] = Value(length, length * math.sqrt(errors[LENGTH, LENGTH]))
-    values["focal_length_px"] = Value(focal, focal * math.sqrt(errors[FOCAL, FOCAL]))
-    values["k1"] = value(K1)
-    values["clamp_softness"] = value(SOFT)
-    for i in range(widths):
-        values[f"width_{i}"] = value(SHAPE + i)
-    bow = slice(SHAPE + widths, SHAPE + widths + BOW)
+        values["flexural_rigidity_n_m2"] = scale("rigidity", nominal_rigidity(photos))
+    values["length_m"] = scale("length", photos.length.value)
+    values["focal_length_px"] = scale("focal", 1.0)
+    values["k1"] = value(at["k1"])
+    values["clamp_softness"] = value(at["softness"])
+    for i, width in enumerate(at.indices("widths")):
+        values[f"width_{i}"] = value(width)
+    bow, length = at.span("bow"), values["length_m"].value
     # The tip's distance from the clamp's tangent, without a load.
-    tip = np.ones(BOW) @ errors[bow, bow] @ np.ones(BOW)
-    values["bow_m"] = Value(length * float(p[bow].sum()), length * math.sqrt(max(float(tip), 0.0)))
+    variance = max(float(errors[bow, bow].sum()), 0.0)
+    values["bow_m"] = Value(length * float(p[bow].sum()), length * math.sqrt(variance))
     return values
 
 
 def rigidity_known(fit: PhotosFit, photos: PhotoSet) -> bool:
     """Whether EI is stated, or follows from a known force."""
-    return photos.rigidity is not None or RIGIDITY in fit.problem.free
+    return photos.rigidity is not None or fit.problem.parameters["rigidity"] in fit.problem.free
 
 
 def photo_answer(fit: PhotosFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
@@ -119,7 +108,7 @@ def photo_answer(fit: PhotosFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
 
 def _outcome(fit: PhotosFit, own: PhotoProblem, photo: int, values: dict[str, Value]) -> Outcome:
     columns = fit.problem.columns(photo)
-    load, at = columns[own.shared + Q], columns[own.shared + S_C]
+    load, at = (columns[own.parameters[name]] for name in ("q", "s_c"))
     # Of the load at a known place: a bend may be certain, and its place unknown.
     variance = fit.covariance[load, load] - fit.covariance[load, at] ** 2 / fit.covariance[at, at]
     if fit.at.p[load] < THRESHOLDS.contact_sigmas * math.sqrt(max(variance, 0.0)):
@@ -135,7 +124,8 @@ def _values(fit: PhotosFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
     own, columns = fit.problem.photos[photo], fit.problem.columns(photo)
     p = fit.at.p[columns]
     errors = fit.covariance[np.ix_(columns, columns)]
-    angles = [own.shared + OWN_VIEW + angle for angle in (VIEW_A, VIEW_B)]
+    at, view = own.parameters, own.parameters["view"]
+    angles = [view + VIEW_A, view + VIEW_B]
     bent = own.bent(p)
     assert bent is not None  # the fit's minimum has a shape
 
@@ -149,23 +139,23 @@ def _values(fit: PhotosFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
     values = {
         "clamp_tilt_rad": value(own.side * float(turn.value), own.side * turn.gradient @ bent.by_p)
     }
-    for name, at in zip(("view_a_rad", "view_b_rad"), angles, strict=True):
-        values[name] = value(float(p[at]), np.eye(len(p))[at])
+    for name, angle in zip(("view_a_rad", "view_b_rad"), angles, strict=True):
+        values[name] = value(float(p[angle]), np.eye(len(p))[angle])
     if own.load is None:
         return values
     values["s_c_m"] = value(*own.place(p))
-    unit = own.length * math.exp(p[LENGTH])
+    unit = own.length * math.exp(p[at["length"]])
     contact = contact_place(bent.shape, bent.q)
     for name, row, sign in (("x_c_m", 0, 1), ("y_c_m", 1, own.side)):
         coordinate = sign * unit * float(contact.value[row])
         gradient = sign * unit * contact.gradient[row] @ bent.by_p
-        gradient[LENGTH] += coordinate
+        gradient[at["length"]] += coordinate
         values[name] = value(coordinate, gradient)
     force, by_force = own.force(p, bent)
     if rigidity_known(fit, photos):
         values["force_n"] = value(force, by_force)
-    rigidity = own.nominal_force * own.length**2 * math.exp(p[RIGIDITY])
+    rigidity = own.nominal_force * own.length**2 * math.exp(p[at["rigidity"]])
     by_ratio = by_force / rigidity
-    by_ratio[RIGIDITY] = 0.0
+    by_ratio[at["rigidity"]] = 0.0
     values["force_over_rigidity_per_m2"] = value(force / rigidity, by_ratio)
     return values

@@ -9,6 +9,7 @@ import numpy as np
 from solver.beams.beam import S_C, BentBeam
 from solver.beams.dead_load import Quantity, turn_of
 from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
 
 # Nodes and weights on (0, 1). Chosen: four integrate a bow of three coefficients to 1e-9.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -49,8 +50,7 @@ def tip_place(bent: BentBeam, p: Floats, at_rest: slice) -> Quantity:
 def _turned(bent: BentBeam, p: Floats, place: Floats, by_shape: Floats) -> Quantity:
     """Rotate a place (2,) from the clamp's tangent to plane C."""
     turn = turn_of(bent, p)
-    cosine, sine = np.cos(turn.value), np.sin(turn.value)
-    rotation = np.array([[cosine, -sine], [sine, cosine]])
+    rotation = turn_about_z(float(turn.value))[:2, :2]
     gradient = np.zeros((2, len(p)))
     gradient[:, : len(bent.by_moment)] = rotation @ by_shape
     turned = rotation @ place

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.core.correlation import correlation_length
-from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows
+from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows, information_of
 from solver.core.robust import MEDIAN, tukey
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
@@ -21,9 +21,9 @@ from solver.instrument.medians import TUKEY_CUT
 from solver.photographs.joint import PhotosProblem
 from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
-from solver.photographs.problem import RIGIDITY, PhotoProblem
+from solver.photographs.problem import PhotoProblem
 from solver.photographs.starts import side_of, starts_of
-from solver.photographs.traced import TracedBeam
+from solver.trace.traced import TracedBeam
 
 # Errors of the points, over the beam's length, of the first fits. Chosen: they are too coarse to
 # show the bow and the lens, which the angles of the views would follow.
@@ -138,16 +138,11 @@ def _from_coarse(problem: PhotosProblem, p: Floats) -> Minimum | None:
 
 
 def _joint(problems: Sequence[PhotoProblem], prior: Prior) -> PhotosProblem:
-    sigmas = np.sqrt(np.diag(prior.covariance))
-    stated = np.flatnonzero(sigmas > 0)
-    block, information = np.ix_(stated, stated), np.zeros_like(prior.covariance)
-    unit = np.outer(sigmas[stated], sigmas[stated])
-    information[block] = np.linalg.inv(prior.covariance[block] / unit) / unit
     return PhotosProblem(
         photos=tuple(problems),
         mean=prior.mean,
-        information=information,
-        free=np.flatnonzero((sigmas > 0) | prior.open),
+        information=information_of(prior.covariance),
+        free=np.flatnonzero((np.diag(prior.covariance) > 0) | prior.open),
         weights=tuple(np.ones(len(problem.points)) for problem in problems),
     )
 
@@ -171,7 +166,7 @@ def _starts(problem: PhotosProblem) -> Floats | None:
         if own is None:
             return None
         start[columns[problem.shared :]] = own
-    start[RIGIDITY] = _rigidity(problem, start)
+    start[problem.parameters["rigidity"]] = _rigidity(problem, start)
     return start
 
 
@@ -208,7 +203,8 @@ def _rigidity(problem: PhotosProblem, start: Floats) -> float:
         bent = photo.bent(p) if photo.load and photo.load.force else None
         if bent and photo.load and photo.load.force:
             ratios.append(math.log(photo.load.force.value / photo.force(p, bent)[0]))
-    return float(np.median(ratios)) if ratios and RIGIDITY in problem.free else 0.0
+    free = problem.parameters["rigidity"] in problem.free
+    return float(np.median(ratios)) if ratios and free else 0.0
 
 
 def _scale(points: Floats) -> float:

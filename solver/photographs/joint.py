@@ -1,11 +1,11 @@
 """Joint least squares of photographs that share a beam, a lens and the direction of gravity."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
-from solver.beams.beam import S_C, Q
 from solver.core.least_squares import (
     Block,
     Minimum,
@@ -13,8 +13,9 @@ from solver.core.least_squares import (
     minimise,
     normal_equations,
 )
+from solver.core.parameters import Parameters
 from solver.instrument.arrays import Floats
-from solver.photographs.problem import OWN, PhotoProblem
+from solver.photographs.problem import OWN, PhotoProblem, shared_parameters
 
 # Step [sigma] after which the fit has converged. Chosen: far below what noise moves.
 _STEP_SIGMAS: Final = 0.01
@@ -38,15 +39,20 @@ class PhotosProblem:
     free: Any
     weights: tuple[Floats, ...]
 
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Names of the shared parameters."""
+        return shared_parameters(self.photos[0].widths)
+
     @property
     def shared(self) -> int:
         """Number of shared parameters."""
-        return len(self.mean) - OWN * len(self.photos)
+        return len(self.parameters)
 
     def columns(self, photo: int) -> list[int]:
         """Indices of the parameters of one photograph: the shared ones and its own."""
-        first = self.shared + OWN * photo
-        return [*range(self.shared), *range(first, first + OWN)]
+        first = self.shared + len(OWN) * photo
+        return [*range(self.shared), *range(first, first + len(OWN))]
 
     def minimised(self, start: Floats) -> Minimum | None:
         """Fit from `start` (p,); None if no beam or no view has its parameters."""
@@ -71,7 +77,7 @@ class PhotosProblem:
         moved = p + step
         for i, photo in enumerate(self.photos):
             columns, own = np.array(self.columns(i)), self.shared
-            q, place = columns[own + Q], columns[own + S_C]
+            q, place = columns[photo.parameters["q"]], columns[photo.parameters["s_c"]]
             # A load stays positive, and at most doubles.
             moved[q] = np.clip(moved[q], p[q] / 10, 2 * p[q])
             moved[place] = np.clip(moved[place], *_PLACES)

@@ -8,6 +8,7 @@ from solver.beams.beam import S_C
 from solver.beams.curve import END, P, U
 from solver.beams.dead_load import turn_of
 from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
 from solver.photographs.bent_beam import tip_place
 from solver.photographs.fit import PhotosFit
 from solver.photographs.view import images_of
@@ -37,7 +38,7 @@ def fitted_line(fit: PhotosFit, photo: int) -> Line:
     nodes = curve.nodes[:, before_tip]
     along, across = lever - nodes[U], nodes[P] - height
     turn = angle + float(turn_of(bent.shape, bent.q).value)
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    rotation = turn_about_z(turn)[:2, :2]
     tip = tip_place(bent.shape, bent.q, own.beam.parameters.span("bow")).value
     places = np.vstack([tip, np.column_stack([along, across]) @ rotation.T])
     images = images_of(places * [1.0, own.side], p[own.view])

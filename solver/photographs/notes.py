@@ -10,7 +10,6 @@ from solver.instrument.units import DEGREE, PERCENT
 from solver.photographs.answer import PhotoAnswer, rigidity_known
 from solver.photographs.fit import PhotosFit
 from solver.photographs.photo_set import PhotoSet
-from solver.photographs.problem import FOCAL, K1, LENGTH, RIGIDITY, SHAPE, SOFT
 
 # A parameter whose sigma is above this fraction of its prior's is that of the prior. Chosen.
 _UNDETERMINED: Final = 0.9
@@ -19,7 +18,7 @@ _MARKS: Final = 4
 # A stated number or a mark that is off by more sigmas. Derived: noise exceeds it once in a million.
 _CONFLICT: Final = 5.0
 # Logarithms among the shared parameters by which forces are scaled, and what they are called.
-_SCALES: Final = {RIGIDITY: "the flexural rigidity", LENGTH: "the length of the beam"}
+_SCALES: Final = {"rigidity": "the flexural rigidity", "length": "the length of the beam"}
 
 
 # On real photographs with known loads, no force was right so far.
@@ -49,7 +48,8 @@ def _of_forces(fit: PhotosFit, photos: PhotoSet) -> list[str]:
             "No force is known and EI is not stated: only force_over_rigidity_per_mm2 follows, the "
             "ratios of the forces. One known force, such as a weighed mass, gives all of them."
         ]
-    sigma = math.sqrt(fit.covariance[RIGIDITY, RIGIDITY]) / PERCENT
+    rigidity = fit.problem.parameters["rigidity"]
+    sigma = math.sqrt(fit.covariance[rigidity, rigidity]) / PERCENT
     return [
         f"No force is known: all forces share the relative error of the stated EI, {sigma:.2g} %. "
         "One known force, such as a weighed mass, gives EI."
@@ -83,8 +83,13 @@ def _of_views(photos: PhotoSet, answers: Sequence[PhotoAnswer]) -> list[str]:
 
 
 def _of_shared(fit: PhotosFit, photos: PhotoSet) -> list[str]:
-    names = {FOCAL: "focal length", K1: "lens distortion k1", SOFT: "softness of the clamp"}
-    names |= {SHAPE + i: f"width coefficient {i}" for i in range(len(photos.shape.widths))}
+    at = fit.problem.parameters
+    names = {
+        at["focal"]: "focal length",
+        at["k1"]: "lens distortion k1",
+        at["softness"]: "softness of the clamp",
+    }
+    names |= {width: f"width coefficient {i}" for i, width in enumerate(at.indices("widths"))}
     sigmas = np.sqrt(np.diag(fit.covariance))
     assumed = [name for i, name in names.items() if 0 < fit.prior[i] < sigmas[i] / _UNDETERMINED]
     sentences = []
@@ -125,13 +130,14 @@ def _of_conflicts(fit: PhotosFit, photos: PhotoSet) -> list[str]:
 
 def contradicted_statement(fit: PhotosFit) -> str:
     """Return how the photographs contradict the stated EI or length, or ""."""
-    at = fit.at
-    away = np.abs(at.p - fit.problem.mean) * np.sqrt(np.diag(fit.problem.information))
-    index = max(_SCALES, key=lambda i: float(away[i]))
+    difference = fit.at.p - fit.problem.mean
+    away = np.abs(difference) * np.sqrt(np.diag(fit.problem.information))
+    name = max(_SCALES, key=lambda name: float(away[fit.problem.parameters[name]]))
+    index = fit.problem.parameters[name]
     if away[index] < _CONFLICT:
         return ""
-    ratio = math.exp(float(at.p[index] - fit.problem.mean[index]))
+    ratio = math.exp(float(difference[index]))
     return (
-        f"{_SCALES[index]} would be {ratio:.2g} times what is stated, {away[index]:.0f} sigmas "
+        f"{_SCALES[name]} would be {ratio:.2g} times what is stated, {away[index]:.0f} sigmas "
         "off: correct it, or the loads of the photographs"
     )

@@ -6,23 +6,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beams.beam import FRICTION_RATIO, S_C, Q
 from solver.instrument.arrays import Floats, Mask
-from solver.instrument.beam_shape import BOW, FIRST_WIDTH, SOFTNESS
+from solver.instrument.beam_shape import FIRST_WIDTH, SOFTNESS
 from solver.photographs.photo_set import PhotoSet, Stated
-from solver.photographs.problem import (
-    DOWN,
-    FOCAL,
-    K1,
-    LENGTH,
-    OWN,
-    OWN_TILT,
-    OWN_VIEW,
-    RIGIDITY,
-    SHAPE,
-    SOFT,
-    PhotoProblem,
-)
+from solver.photographs.problem import OWN, PhotoProblem, shared_parameters
 from solver.photographs.view import VIEW_A, VIEW_B
 
 # Focal length over the image's diagonal, and its relative sigma. Chosen: from the wide to the
@@ -63,42 +50,40 @@ def prior_of(photos: PhotoSet, problems: Sequence[PhotoProblem], diagonal: float
 
     Without a stated EI, it is open if a force is known, and fixed else: a unit of force.
     """
-    shape = photos.shape
-    widths = len(shape.widths)
-    shared = SHAPE + widths + BOW
-    size = shared + OWN * len(problems)
+    shape, at = photos.shape, shared_parameters(len(photos.shape.widths))
+    size = len(at) + len(OWN) * len(problems)
     mean, covariance, open_ = np.zeros(size), np.zeros((size, size)), np.zeros(size, np.bool_)
     focal = focal_of(photos, diagonal)
-    mean[FOCAL] = math.log(focal.value)
+    mean[at["focal"]] = math.log(focal.value)
     sigmas = {
-        RIGIDITY: photos.rigidity.sigma / photos.rigidity.value if photos.rigidity else 0.0,
-        LENGTH: photos.length.sigma / photos.length.value,
-        DOWN: photos.down.sigma,
-        FOCAL: focal.sigma / focal.value,
-        K1: _K1_SIGMA,
+        "rigidity": photos.rigidity.sigma / photos.rigidity.value if photos.rigidity else 0.0,
+        "length": photos.length.sigma / photos.length.value,
+        "down": photos.down.sigma,
+        "focal": focal.sigma / focal.value,
+        "k1": _K1_SIGMA,
     }
-    for parameter, sigma in sigmas.items():
-        covariance[parameter, parameter] = sigma**2
+    for name, sigma in sigmas.items():
+        covariance[at[name], at[name]] = sigma**2
     known = any(problem.load and problem.load.force for problem in problems)
-    open_[RIGIDITY] = photos.rigidity is None and known
+    open_[at["rigidity"]] = photos.rigidity is None and known
     # The marks locate the clamp, and the loads' plane is that of the image.
     used = [SOFTNESS, *range(FIRST_WIDTH, len(shape.covariance))]
-    rows = range(SOFT, SOFT + len(used))
+    rows = at.indices("softness", "widths", "bow")[: len(used)]
     mean[rows] = [shape.softness, *shape.widths, *shape.bow]
     covariance[np.ix_(rows, rows)] = shape.covariance[np.ix_(used, used)]
     if not len(shape.bow):
-        bow = range(SHAPE + widths, shared)
+        bow = at.indices("bow")
         covariance[bow, bow] = _BOW_SIGMA**2
     for i, problem in enumerate(problems):
-        first = shared + OWN * i
+        first = len(at) + len(OWN) * i
+        load, place, friction, tilt, view = (first + OWN[name] for name, _ in OWN.blocks)
         if problem.load:
-            open_[first + Q] = True
-            mean[first + S_C], covariance[first + S_C, first + S_C] = _PLACE.value, _PLACE.sigma**2
+            open_[load] = True
+            mean[place], covariance[place, place] = _PLACE.value, _PLACE.sigma**2
         if problem.load and problem.load.kind == "push":
-            covariance[first + FRICTION_RATIO, first + FRICTION_RATIO] = shape.ratio_sigma**2
-        covariance[first + OWN_TILT, first + OWN_TILT] = photos.tilt_sigma**2
-        open_[first + OWN_VIEW : first + OWN_VIEW + VIEW_A] = True
-        for angle in (VIEW_A, VIEW_B):
-            at = first + OWN_VIEW + angle
-            covariance[at, at] = photos.view_sigma**2
+            covariance[friction, friction] = shape.ratio_sigma**2
+        covariance[tilt, tilt] = photos.tilt_sigma**2
+        open_[view : view + VIEW_A] = True
+        for angle in (view + VIEW_A, view + VIEW_B):
+            covariance[angle, angle] = photos.view_sigma**2
     return Prior(mean, covariance, open_)

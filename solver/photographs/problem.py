@@ -3,14 +3,18 @@
 Lengths are in units of the beam's nominal length. The parameters are those that all photographs
 share,
 
-    log of EI over its nominal value, and of the length over its nominal value
-    deviation [rad] of gravity from its stated direction
-    log of the focal length [px], and k1
-    softness of the clamp, widths and bow of the beam, as in `beams.beam`
+    rigidity, length       log of EI and of the length over their nominal values
+    down                   deviation [rad] of gravity from its stated direction
+    focal, k1              log of the focal length [px], and the distortion
+    softness, widths, bow  of clamp and beam, as in `beams.beam`
 
-followed by the photograph's own: load, place and friction ratio of the contact as in `beams.beam`,
-tilt of the beam in its clamp, and the view. The friction ratio of a weight follows from its
-direction.
+followed by the photograph's own,
+
+    q, s_c, friction_ratio  of the contact, as in `beams.beam`; that of a weight is not fitted
+    tilt                    of the beam in its clamp
+    view                    image of the clamp, roll, scale and angles, as in `view`
+
+The friction ratio of a weight follows from its direction.
 """
 
 import math
@@ -20,11 +24,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beams.beam import DX, DY, FRICTION_RATIO, POSE, S_C, SOFTNESS, TILT, BentBeam, Q
+from solver.beams.beam import CONTACT, DX, DY, FRICTION_RATIO, POSE, SOFTNESS, TILT, BentBeam, Q
 from solver.beams.dead_load import friction_ratio_of
 from solver.beams.integrated import IntegratedBeam
 from solver.beams.stretch import WIDTHS
 from solver.core.least_squares import Rows
+from solver.core.parameters import Parameters
 from solver.fitting.beam_residuals import curve_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
@@ -32,17 +37,19 @@ from solver.photographs.bent_beam import tip_place
 from solver.photographs.photo_set import PhotoLoad, Stated
 from solver.photographs.view import PARAMETERS, ROLL, SCALE, U, V, images_of, places_of
 
-# Shared parameters; the widths and the bow follow.
-RIGIDITY, LENGTH, DOWN, FOCAL, K1, SOFT, SHAPE = range(7)
-# Own parameters: Q, S_C and FRICTION_RATIO of the beam, and then the tilt and the view.
-OWN_TILT, OWN_VIEW = 3, 4
-VIEW_SIZE: Final = PARAMETERS - 2  # without focal length and k1
-OWN: Final = OWN_VIEW + VIEW_SIZE
+# A photograph's own parameters. The view's focal length and k1 are shared.
+OWN: Final = Parameters((*CONTACT, ("tilt", 1), ("view", PARAMETERS - 2)))
 # Newton steps of the correction after a step of the fit. Chosen: the rest is far below a pixel.
 _CORRECTIONS: Final = 3
 _NO_VIEW: Final = np.zeros(3)
 # A beam at rest has no load, at any place.
 _REST_PLACE: Final = 0.5
+
+
+def shared_parameters(widths: int) -> Parameters:
+    """Return the parameters that all photographs share, of a beam with `widths` coefficients."""
+    single = ("rigidity", "length", "down", "focal", "k1", "softness")
+    return Parameters((*((name, 1) for name in single), ("widths", widths), ("bow", BOW)))
 
 
 class Bent(NamedTuple):
@@ -76,10 +83,15 @@ class PhotoProblem:
     length: float
     nominal_force: float
 
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Names of the shared parameters, and then of the photograph's own."""
+        return shared_parameters(self.widths).followed_by(*OWN.blocks)
+
     @property
     def shared(self) -> int:
         """Number of shared parameters."""
-        return SHAPE + self.widths + BOW
+        return len(self.parameters) - len(OWN)
 
     @cached_property
     def beam(self) -> IntegratedBeam:
@@ -93,29 +105,29 @@ class PhotoProblem:
 
     def bent(self, p: Floats) -> Bent | None:
         """Return the bent beam; None if no beam has these parameters."""
-        shared, own = p[: self.shared], p[self.shared :]
-        first, size = self.shared, len(self.beam.parameters)
+        at, size = self.parameters, len(self.beam.parameters)
+        load, shape = at["q"], at["widths"]
         q, by_p = np.zeros(size + POSE), np.zeros((size + POSE, len(p)))
-        q[:WIDTHS] = own[:WIDTHS] if self.load else (0.0, _REST_PLACE, 0.0)
+        q[:WIDTHS] = p[load : load + WIDTHS] if self.load else (0.0, _REST_PLACE, 0.0)
         if self.load:
-            by_p[range(WIDTHS), range(first, first + WIDTHS)] = 1.0
+            by_p[range(WIDTHS), range(load, load + WIDTHS)] = 1.0
         factors = np.append(np.ones(self.widths), np.full(BOW, float(self.side)))
-        q[WIDTHS:size] = factors * shared[SHAPE:]
-        by_p[range(WIDTHS, size), range(SHAPE, first)] = factors
-        q[size + TILT], by_p[size + TILT, first + OWN_TILT] = self.side * own[OWN_TILT], self.side
-        q[size + SOFTNESS], by_p[size + SOFTNESS, SOFT] = shared[SOFT], 1.0
+        q[WIDTHS:size] = factors * p[shape : self.shared]
+        by_p[range(WIDTHS, size), range(shape, self.shared)] = factors
+        q[size + TILT], by_p[size + TILT, at["tilt"]] = self.side * p[at["tilt"]], self.side
+        q[size + SOFTNESS], by_p[size + SOFTNESS, at["softness"]] = p[at["softness"]], 1.0
         if self.weight:
-            across = self.side * (self.down + shared[DOWN]) - math.pi / 2
+            across = self.side * (self.down + p[at["down"]]) - math.pi / 2
             direction = math.remainder(across, math.tau) + math.pi / 2
             friction_ratio = friction_ratio_of(self.beam, q, direction)
             if friction_ratio is None:
                 return None
             by_p[FRICTION_RATIO] = 0.0
             by_p[FRICTION_RATIO] = friction_ratio.gradient @ by_p
-            by_p[FRICTION_RATIO, DOWN] += friction_ratio.by_direction * self.side
+            by_p[FRICTION_RATIO, at["down"]] += friction_ratio.by_direction * self.side
             q[FRICTION_RATIO] = friction_ratio.value
-        shape = self.beam.bent(q[:size])
-        return None if shape is None else Bent(q, by_p, shape)
+        bent = self.beam.bent(q[:size])
+        return None if bent is None else Bent(q, by_p, bent)
 
     def rows(self, p: Floats) -> Rows | None:
         """Compute all residuals; None if no beam or no view has these parameters.
@@ -172,7 +184,7 @@ class PhotoProblem:
         the curved valley of the objective.
         """
         moved = p + step
-        placed = [self.shared + OWN_VIEW + i for i in (U, V, ROLL, SCALE)]
+        placed = [self.parameters["view"] + i for i in (U, V, ROLL, SCALE)]
         before = self._ends(p)
         if before is None:
             return moved
@@ -194,39 +206,40 @@ class PhotoProblem:
     @property
     def view(self) -> list[int]:
         """Indices of the view's parameters, with the shared ones."""
-        return [*range(self.shared + OWN_VIEW, self.shared + OWN), FOCAL, K1]
+        return self.parameters.indices("view", "focal", "k1")
 
     def force(self, p: Floats, bent: Bent) -> tuple[float, Floats]:
         """Compute the load's force [N] and its gradient (p,)."""
-        q, by_p, _ = bent
+        (q, by_p, _), at = bent, self.parameters
         root = math.hypot(1.0, q[FRICTION_RATIO])
-        force = self.nominal_force * math.exp(p[RIGIDITY] - 2 * p[LENGTH]) * q[Q] * root
+        force = self.nominal_force * math.exp(p[at["rigidity"]] - 2 * p[at["length"]]) * q[Q] * root
         gradient = force / root**2 * q[FRICTION_RATIO] * by_p[FRICTION_RATIO]
         gradient = gradient + force / max(q[Q], 1e-300) * by_p[Q]
-        gradient[RIGIDITY] += force
-        gradient[LENGTH] -= 2 * force
+        gradient[at["rigidity"]] += force
+        gradient[at["length"]] -= 2 * force
         return force, gradient
 
     def place(self, p: Floats) -> tuple[float, Floats]:
         """Compute the load's arc length [m] and its gradient (p,)."""
-        gradient = np.zeros(len(p))
-        unit = self.length * math.exp(p[LENGTH])
-        value = unit * p[self.shared + S_C]
-        gradient[LENGTH], gradient[self.shared + S_C] = value, unit
+        gradient, at = np.zeros(len(p)), self.parameters
+        unit = self.length * math.exp(p[at["length"]])
+        value = unit * p[at["s_c"]]
+        gradient[at["length"]], gradient[at["s_c"]] = value, unit
         return float(value), gradient
 
     def _marked(self, p: Floats, bent: Bent) -> Rows | None:
         """Compute the residuals of clamp, tip and marks."""
         tip = tip_place(bent.shape, bent.q, self.beam.parameters.span("bow"))
         mirror = np.array([1.0, self.side])
-        marks = self.marks[:, 2:] * math.exp(-p[LENGTH])
+        length = self.parameters["length"]
+        marks = self.marks[:, 2:] * math.exp(-p[length])
         images = images_of(np.vstack([np.zeros(2), tip.value * mirror, marks]), p[self.view])
         if images is None:
             return None
         by_all = np.zeros((*images.pixels.shape, len(p)))
         by_all[:, :, self.view] = images.by_view
         by_all[1] += images.by_place[1] @ (mirror[:, None] * (tip.gradient @ bent.by_p))
-        by_all[2:, :, LENGTH] -= (images.by_place[2:] @ marks[:, :, None])[:, :, 0]
+        by_all[2:, :, length] -= (images.by_place[2:] @ marks[:, :, None])[:, :, 0]
         pixels = np.vstack([self.clamp, self.tip, self.marks[:, :2]])
         residual = (images.pixels - pixels).ravel() / self.mark_sigma
         return Rows(residual, by_all.reshape(len(residual), -1).T / self.mark_sigma)

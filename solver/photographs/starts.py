@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from solver.beams.beam import S_C, Q
+from solver.beams.linear import unit_deflection
 from solver.instrument.arrays import Floats
 from solver.photographs.photo_set import PhotoLoad
-from solver.photographs.problem import OWN, OWN_VIEW
+from solver.photographs.problem import OWN
 from solver.photographs.view import ROLL, SCALE, U, V
 
 # Places of a load over the length, from which a fit starts. Chosen: neighbours are in the same
@@ -46,14 +46,15 @@ def starts_of(
     for at in places or (0.5,):
         load, slope = 0.0, 0.0
         if loaded:
-            bend = _bend(along, at) - _bend(np.ones(1), at) * along
+            at_tip = float(unit_deflection(1.0, at)) / 6
+            bend = unit_deflection(along, at) / 6 - at_tip * along
             load = max(float(bend @ (side * heights) / (bend @ bend)), _LEAST_LOAD)
-            slope = math.atan(load * float(_bend(np.ones(1), at)[0]))
-        start = np.zeros(OWN)
-        start[Q], start[S_C] = load, at
-        start[OWN_VIEW + U], start[OWN_VIEW + V] = clamp
-        start[OWN_VIEW + ROLL] = math.atan2(chord[1], chord[0]) + side * slope
-        start[OWN_VIEW + SCALE] = math.log(math.hypot(*chord))
+            slope = math.atan(load * at_tip)
+        start, view = np.zeros(len(OWN)), OWN["view"]
+        start[OWN["q"]], start[OWN["s_c"]] = load, at
+        start[view + U], start[view + V] = clamp
+        start[view + ROLL] = math.atan2(chord[1], chord[0]) + side * slope
+        start[view + SCALE] = math.log(math.hypot(*chord))
         starts.append(start)
     return starts
 
@@ -66,9 +67,3 @@ def _along_chord(points: Floats, clamp: Floats, tip: Floats) -> tuple[Floats, Fl
     chord = (tip - clamp) / (length := math.hypot(*(tip - clamp)))
     relative = (points - clamp) / length
     return relative @ chord, relative @ np.array([chord[1], -chord[0]])
-
-
-def _bend(x: Floats, at: float) -> Floats:
-    """Compute the deflection (n,) at x under a unit load at `at`, by linear theory."""
-    near = np.minimum(x, at)
-    return np.asarray(near**2 * (3 * at - near) / 6 + (x - near) * at**2 / 2)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from solver.at_rest.landmarks import Landmarks, Shift, learn_landmarks
+from solver.at_rest.landmarks import ImageShift, Landmarks, learn_landmarks, with_prior
+from solver.at_rest.thresholds import THRESHOLDS
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import Sensor
@@ -52,27 +53,23 @@ def landmarks() -> Landmarks:
     return learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
 
 
-def shift_of(light: Floats, seed: int = 100) -> Shift:
+def shift_of(light: Floats, seed: int = 100) -> ImageShift:
     shift = landmarks().shift_of(image(light, seed))
     assert shift is not None
     return shift
 
 
-def covariance(shift: Shift) -> Floats:
-    return np.array([[shift.uu, shift.uv], [shift.uv, shift.vv]])
-
-
-def chi2(shift: Shift, du: float, dv: float) -> float:
-    error = np.array([shift.du - du, shift.dv - dv])
-    return float(error @ np.linalg.solve(covariance(shift), error))
+def chi2(shift: ImageShift, du: float, dv: float) -> float:
+    error = shift.shift - [du, dv]
+    return float(error @ np.linalg.solve(shift.covariance, error))
 
 
 @pytest.mark.parametrize(("du", "dv"), [(0.5, 0.0), (0.0, 0.5), (2.0, -1.3), (5.0, 0.0)])
 def test_a_shift_is_found_within_its_sigma(du: float, dv: float) -> None:
     shift = shift_of(scene(du, dv))
     # The interpolation between pixels errs by some thousandths.
-    off = np.array([shift.du - du, shift.dv - dv])
-    sigma = np.sqrt(np.diag(covariance(shift)))
+    off = shift.shift - [du, dv]
+    sigma = np.sqrt(np.diag(shift.covariance))
     assert (np.abs(off) < MOST_SIGMAS * sigma + 0.003).all()
     assert sigma.max() < 0.1
     assert shift.exceeds(0.0)
@@ -94,7 +91,7 @@ def test_edges_sharper_than_a_pixel_show_a_shift(du: float, dv: float) -> None:
         image(light(du, dv), 9)
     )
     assert found is not None
-    assert (found.du, found.dv) == pytest.approx((du, dv), abs=0.045)
+    assert found.shift == pytest.approx((du, dv), abs=0.045)
 
 
 @pytest.mark.thorough
@@ -120,7 +117,7 @@ def test_the_covariance_is_honest_and_noise_is_no_motion() -> None:
 
 def test_brighter_light_is_no_motion() -> None:
     shift = shift_of(1.4 * scene())
-    assert np.hypot(shift.du, shift.dv) < 0.03
+    assert np.hypot(*shift.shift) < 0.03
     assert not shift.exceeds(0.0)
     assert shift_of(1.4 * scene(0.5, 0.0)).exceeds(0.0)
 
@@ -193,3 +190,33 @@ def test_the_beam_itself_is_no_landmark() -> None:
     assert len(landmarks().pixels.rows) > 100
     near = (np.abs(landmarks().pixels.rows - 50) < 4) & (landmarks().pixels.columns > 30)
     assert not near.any()
+
+
+def test_without_landmarks_the_prior_remains() -> None:
+    shift, covariance = with_prior(None, 0.3)
+    assert not shift.any()
+    assert covariance == pytest.approx(np.eye(2) * 0.09)
+
+
+def test_prior_and_measurement_are_weighted_by_their_variances() -> None:
+    """Two normal variables along each axis (closed form)."""
+    measured = ImageShift(np.array([0.4, -0.2]), np.diag([0.01, 0.04]))
+    shift, covariance = with_prior(measured, 0.2)
+    for axis, (value, variance) in enumerate(((0.4, 0.01), (-0.2, 0.04))):
+        error = variance + THRESHOLDS.steadiness_px**2
+        assert shift[axis] == pytest.approx(value * 0.04 / (0.04 + error))
+        assert covariance[axis, axis] == pytest.approx(1 / (1 / 0.04 + 1 / error))
+
+
+def test_drawn_shifts_are_as_far_off_as_stated(random: np.random.Generator) -> None:
+    prior = 0.3
+    error = np.array([[0.02, 0.012], [0.012, 0.03]])
+    noise = error + np.eye(2) * THRESHOLDS.steadiness_px**2
+    squares = []
+    for _ in range(400):
+        true = prior * random.standard_normal(2)
+        seen = random.multivariate_normal(true, noise)
+        measured = ImageShift(seen, error)
+        shift, covariance = with_prior(measured, prior)
+        squares.append((shift - true) @ np.linalg.solve(covariance, shift - true))
+    assert np.mean(squares) == pytest.approx(2.0, abs=MOST_SIGMAS * 2 / np.sqrt(400))

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from solver.at_rest.pattern import NODES, SPREAD, pattern_of, share_that_follows
-from solver.at_rest.rest_line import RestLine, learn_rest
+from solver.at_rest.rest_line import RestLine, fit_rest_line
 from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import invert
@@ -90,7 +90,7 @@ def shown(shape: Floats, pattern: Floats, random: np.random.Generator) -> Centre
 
 def learned(pattern: Floats, random: np.random.Generator) -> RestLine:
     shape = bent(0.0, tilt=0.04)[::10]
-    return learn_rest([shown(shape, pattern, random) for _ in range(IMAGES)], CALIBRATION, rig())
+    return fit_rest_line([shown(shape, pattern, random) for _ in range(IMAGES)], CALIBRATION, rig())
 
 
 @pytest.mark.parametrize("follows", [True, False])

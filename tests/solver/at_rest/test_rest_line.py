@@ -4,7 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.at_rest.rest_line import SMALL_BOW_PX, disagreements, learn_rest
+from solver.at_rest.agreement import disagreements
+from solver.at_rest.rest_line import SMALL_BOW_PX, fit_rest_line
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
 from solver.instrument.beam_shape import UNIFORM
@@ -48,7 +49,7 @@ def lines(
 def test_a_straight_beam_is_a_line_with_honest_covariance(random: np.random.Generator) -> None:
     errors = []
     for _ in range(350):
-        rest = learn_rest(lines(2e-5 + 1e-3 * X, random), Calibration(CAMERA, 0.02), rig())
+        rest = fit_rest_line(lines(2e-5 + 1e-3 * X, random), Calibration(CAMERA, 0.02), rig())
         assert not rest.bow.any()
         error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
         errors.append(error @ np.linalg.solve(rest.line_covariance, error))
@@ -57,7 +58,7 @@ def test_a_straight_beam_is_a_line_with_honest_covariance(random: np.random.Gene
 
 def test_a_bow_is_found_and_told_apart_from_the_clamp(random: np.random.Generator) -> None:
     bow = 3e-4 * (X / BEAM.length) ** 2
-    rest = learn_rest(lines(1e-3 * X + bow, random), Calibration(CAMERA, 0.02), rig())
+    rest = fit_rest_line(lines(1e-3 * X + bow, random), Calibration(CAMERA, 0.02), rig())
     assert rest.bow.any()
     found, sigma = rest.bow_at(X)
     whole = rest.y_at_clamp + rest.slope * X + found
@@ -70,7 +71,7 @@ def test_a_bow_is_found_and_told_apart_from_the_clamp(random: np.random.Generato
 def test_too_few_columns_are_a_sentence() -> None:
     few = [down_columns(np.array([[30.0, 250.0], [31.0, 250.0]]), np.full(2, SIGMA_PX))]
     with pytest.raises(InputError, match="2 columns of the beam, needed are 10"):
-        learn_rest(few, Calibration(CAMERA, 0.02), rig())
+        fit_rest_line(few, Calibration(CAMERA, 0.02), rig())
 
 
 def test_an_image_in_which_the_beam_bends_is_named(random: np.random.Generator) -> None:
@@ -107,7 +108,7 @@ def test_errors_that_repeat_from_image_to_image_count_in_the_covariance(
             points = line.points.copy()
             points[:, 1] += 0.02 * np.sin(2 * np.pi * points[:, 1] + phase) + shared
             wrong.append(down_columns(points, line.sigma))
-        rest = learn_rest(wrong, Calibration(LEVEL, 0.02), rig())
+        rest = fit_rest_line(wrong, Calibration(LEVEL, 0.02), rig())
         off = rest.y_at_clamp + (rest.slope - slope) * place + rest.bow_at(place)[0]
         error = np.polynomial.polynomial.polyfit(place, off, 1)
         chi2.append(error @ np.linalg.solve(rest.line_covariance, error))
@@ -128,7 +129,7 @@ def test_a_bow_is_found_beside_an_object(together: bool) -> None:
         each = generator(__name__, 6).normal(0, 0.12, third)
         points[third : 2 * third, 1] += 0.08 if together else each
         disturbed.append(down_columns(points, line.sigma))
-    rest = learn_rest(disturbed, Calibration(CAMERA, 0.02), rig())
+    rest = fit_rest_line(disturbed, Calibration(CAMERA, 0.02), rig())
     assert rest.bow.any()
     found, _ = rest.bow_at(X)
     whole = rest.y_at_clamp + rest.slope * X + found
@@ -147,7 +148,7 @@ def test_a_bow_that_the_pixel_rows_may_imitate_is_left_open(
     slope: float, random: np.random.Generator
 ) -> None:
     shown = [drawn_to_rows(one, 0.9) for one in lines(slope * X, random, camera=LEVEL)]
-    rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
+    rest = fit_rest_line(shown, Calibration(LEVEL, 0.02), rig())
     assert rest.bow_undecided
     assert not rest.bow.any()
     _, sigma = rest.bow_at(X)
@@ -162,7 +163,7 @@ def test_a_bow_that_the_pixel_rows_may_imitate_is_left_open(
 def test_a_bow_of_more_than_half_a_pixel_is_none_of_the_rows(random: np.random.Generator) -> None:
     bow = 4.8 * PIXEL * (X / BEAM.length) ** 2
     shown = [drawn_to_rows(one, 0.9) for one in lines(2e-3 * X + bow, random, camera=LEVEL)]
-    rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
+    rest = fit_rest_line(shown, Calibration(LEVEL, 0.02), rig())
     assert rest.bow.any()
 
 
@@ -177,7 +178,7 @@ def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance
             points[::2, 1] += alternating
             points[1::2, 1] -= alternating
             shown.append(down_columns(points, line.sigma))
-        rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
+        rest = fit_rest_line(shown, Calibration(LEVEL, 0.02), rig())
         assert not rest.bow.any()
         return float(np.sqrt(rest.line_covariance[1, 1]))
 
@@ -203,7 +204,7 @@ def test_a_bow_within_the_noise_is_within_its_sigma(
     for _ in range(400):
         amplitude = size * random.standard_normal()
         bow = amplitude * (X / BEAM.length) ** 2
-        rest = learn_rest(lines(0.02 * X + bow, random), Calibration(CAMERA, 0.02), straight)
+        rest = fit_rest_line(lines(0.02 * X + bow, random), Calibration(CAMERA, 0.02), straight)
         found, sigma = rest.bow_at(place)
         found = found - np.polynomial.Polynomial.fit(place, found, 1)(place)
         errors.append(np.mean((found - amplitude * about_line) ** 2) / np.mean(sigma**2))
@@ -218,7 +219,7 @@ def test_what_the_rig_states_of_the_bow_holds_but_for_distortion(
     shown = lines(0.02 * X, random)
     straight = replace(rig(), shape=replace(UNIFORM, bow_sigma=0.0))
     unknown, certain, distorted = (
-        learn_rest(shown, Calibration(CAMERA, 0.02), one).bow_size
+        fit_rest_line(shown, Calibration(CAMERA, 0.02), one).bow_size
         for one in (rig(), straight, replace(straight, distortion_coefficients=5))
     )
     assert certain < 0.05 * unknown

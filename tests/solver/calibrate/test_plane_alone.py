@@ -3,7 +3,7 @@ import pytest
 
 from solver.calibrate import calibrate
 from solver.calibrate.board_detection import BoardDetection
-from solver.calibrate.plane_alone import plane_alone
+from solver.calibrate.pinhole import plane_alone
 from solver.instrument.board import Chessboard
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError

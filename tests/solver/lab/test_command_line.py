@@ -16,8 +16,7 @@ import pytest
 
 from solver.__main__ import main
 from solver.antenna import Antenna
-from solver.at_rest.learn import Learn
-from solver.calibrate.rigidity import hung_beam
+from solver.at_rest.agreement import Learn
 from solver.centreline.extractor import learn_profile_fit
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.arrays import Grey
@@ -29,6 +28,7 @@ from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations, open_observations
 from solver.instrument.rig import Rig
 from solver.lab.findings import findings
+from solver.learning.hung_rigidity import hung_beam
 from solver.learning.learn import LearnedBeam
 from solver.set_up import set_up
 from tests.command_line import CommandLine

@@ -90,7 +90,7 @@ def sagging(antenna: Antenna, stated: float, subtracted: bool) -> Antenna:
     return replace(
         antenna,
         rig=replace(rig, sag_in_plane=np.array([0.0, stated])),
-        at_rest=replace(antenna.at_rest, rest=rest),
+        at_rest=replace(antenna.at_rest, line=rest),
     )
 
 

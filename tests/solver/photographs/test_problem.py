@@ -15,7 +15,7 @@ from solver.instrument.beam_shape import BeamShape
 from solver.photographs.bent_beam import contact_place, tip_place
 from solver.photographs.fit import problems_of
 from solver.photographs.photo_set import PhotoLoad, PhotoSet, Stated
-from solver.photographs.problem import FOCAL, K1, OWN_VIEW, RIGIDITY, PhotoProblem
+from solver.photographs.problem import PhotoProblem
 from tests.draws import generator
 from tests.photo_sets import LENGTH, Force, Noise, TrueBeam, TrueCamera, bent, photograph
 from tests.photo_sets import RIGIDITY as EI
@@ -61,7 +61,7 @@ def rows_at(problem: PhotoProblem, p: Floats) -> Rows:
 
 def nearest(problem: PhotoProblem, p: Floats) -> Floats:
     """Fit roll, scale and place of the view to the true pixels."""
-    free = [problem.shared + OWN_VIEW + i for i in range(4)]
+    free = [problem.parameters["view"] + i for i in range(4)]
     for _ in range(12):
         rows = rows_at(problem, p)
         p = p.copy()
@@ -158,4 +158,6 @@ def test_the_tip_of_a_bowed_beam_is_where_an_integration_ends() -> None:
     assert tip == pytest.approx(rows[-1, :2], abs=1e-6)
     force, _ = problem.force(p, beam)
     assert force == pytest.approx(0.9, rel=1e-5)
-    assert p[[RIGIDITY, FOCAL, K1]] == pytest.approx([0.0, math.log(3000.0), 0.03])
+    assert p[problem.parameters.indices("rigidity", "focal", "k1")] == pytest.approx(
+        [0.0, math.log(3000.0), 0.03]
+    )

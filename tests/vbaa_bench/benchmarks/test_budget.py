@@ -185,7 +185,7 @@ def test_a_wrong_camera_is_an_error_of_the_calibration_alone(perfect: Perfect) -
     wrong = replace(antenna, calibration=replace(antenna.calibration, camera=camera))
     # The beam at rest as this camera sees it.
     rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
-    wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
+    wrong = replace(wrong, at_rest=replace(wrong.at_rest, line=rest))
     shares = perfect.shares(wrong)
     assert shares[TOTAL] > 1e-6
     alone(shares, Cause.CALIBRATION)
@@ -208,7 +208,7 @@ def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) 
     camera = with_nominal_board(displaced, nominal)
     wrong = replace(antenna, calibration=replace(antenna.calibration, camera=camera))
     rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
-    wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
+    wrong = replace(wrong, at_rest=replace(wrong.at_rest, line=rest))
     shares = perfect.shares(wrong)
     assert shares[TOTAL] > 1e-6
     alone(shares, Cause.PLACEMENT)
@@ -224,8 +224,8 @@ def test_wrong_points_are_an_error_of_the_centreline_alone(perfect: Perfect) -> 
 
 def test_a_wrong_rest_line_is_an_error_of_the_rest_pose_alone(perfect: Perfect) -> None:
     at_rest = perfect.antenna.at_rest
-    rest = replace(at_rest.rest, slope=at_rest.rest.slope + 1e-5)
-    wrong = replace(perfect.antenna, at_rest=replace(at_rest, rest=rest))
+    rest = replace(at_rest.line, slope=at_rest.line.slope + 1e-5)
+    wrong = replace(perfect.antenna, at_rest=replace(at_rest, line=rest))
     shares = perfect.shares(wrong)
     assert shares[TOTAL] > 1e-6
     alone(shares, Cause.REST)

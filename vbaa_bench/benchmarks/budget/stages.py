@@ -148,4 +148,4 @@ def _rested(antenna: Antenna, camera: Camera, line: Floats) -> Antenna:
     tip = antenna.at_rest.tip
     if tip is not None:
         tip = camera.project((line[-1] + [0.0, 0.0, tip_lift(antenna)])[None])[0]
-    return replace(antenna, at_rest=replace(antenna.at_rest, rest=rest, tip=tip))
+    return replace(antenna, at_rest=replace(antenna.at_rest, line=rest, tip=tip))

@@ -1,4 +1,4 @@
-"""Course of the bent beam in the image: its normals, its turn since rest, and its bow along it."""
+"""Line of the bent beam on plane C: normals, turn since rest, and the bow at rest along it."""
 
 import math
 from typing import Any, NamedTuple
@@ -21,8 +21,8 @@ ARC_STEPS = 60
 INDEPENDENT = 1e-10
 
 
-class Course(NamedTuple):
-    """The bent beam's course at n points, and the errors that follow it.
+class BentLine(NamedTuple):
+    """The bent beam at n points, and the errors at rest that follow it.
 
     `normals` (n, 2) are unit vectors on C, `turn` (n,) [rad] is the direction less that at rest,
     and `arc` (n,) the arc length from the clamp over the beam's. `beside` (n,) [m], the points'
@@ -38,8 +38,8 @@ class Course(NamedTuple):
     bow_errors: Floats
 
 
-def course_of(points: Floats, rest: RestLine, rig: Rig) -> Course | None:
-    """Compute the course of the beam with points (n, 2) [m] on C; None for too few points.
+def bent_line(points: Floats, rest: RestLine, rig: Rig) -> BentLine | None:
+    """Compute the line of the beam with points (n, 2) [m] on C; None for too few points.
 
     A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc
     lengths and normals are those of a smooth curve through the points that leaves the clamp as the
@@ -48,15 +48,15 @@ def course_of(points: Floats, rest: RestLine, rig: Rig) -> Course | None:
     if len(points) < MIN_POINTS:
         return None
     x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
-    normals, turn, arc, beside, bow, bow_errors = _course(
+    normals, turn, arc, beside, bow, bow_errors = _bent_line(
         x / rest.length, y / rest.length, rest.slope, rest.bow, rest.error_coefficients
     )
-    return Course(normals, turn, arc, beside * rest.length, bow, bow_errors)
+    return BentLine(normals, turn, arc, beside * rest.length, bow, bow_errors)
 
 
 @njit
-def _course(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> Any:
-    """Compute the fields of `Course` at x (n,), y (n,) over the length.
+def _bent_line(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> Any:
+    """Compute the fields of `BentLine` at x (n,), y (n,) over the length.
 
     `bow` (3,) [m] are the coefficients of x^2 to x^4, `errors` (5, 5) [m] those of 1 to x^4 for
     each error.

@@ -10,7 +10,7 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.photographs.traced import TracedBeam, photograph, traced_beam
+from solver.trace.traced import TracedBeam, photograph, traced_beam
 from tests.draws import generator
 from tests.photographed import Look, Photograph, centreline, photograph_of
 

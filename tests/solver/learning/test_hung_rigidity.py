@@ -8,7 +8,6 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 from scipy.stats import chi2
 
-from solver.calibrate.rigidity import HungWeight, flexural_rigidity, hung_beam
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import (
     FRICTION_SIGMA,
@@ -21,6 +20,7 @@ from solver.instrument.beam_shape import (
 )
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
+from solver.learning.hung_rigidity import HungWeight, flexural_rigidity, hung_beam
 from tests.consistency import MOST_SIGMAS
 from tests.oracle import oracle
 from tests.simulated import BEAM, measurement

@@ -33,9 +33,9 @@ def test_copies_of_an_image_count_once() -> None:
     one, copied = at_rest([rested(1)]), at_rest([rested(1)] * 4)
     assert one.copies == 0
     assert copied.copies == 3
-    assert copied.rest.y_at_clamp == one.rest.y_at_clamp
-    assert copied.rest.slope == one.rest.slope
-    assert (copied.rest.covariance == one.rest.covariance).all()
+    assert copied.line.y_at_clamp == one.line.y_at_clamp
+    assert copied.line.slope == one.line.slope
+    assert (copied.line.covariance == one.line.covariance).all()
 
 
 @pytest.mark.thorough
@@ -45,7 +45,7 @@ def test_a_touched_image_is_left_out() -> None:
     clean = at_rest([rested(1), rested(2)])
     assert learned.rejected == (1,)
     assert learned.disagreement_px == 0.0
-    assert learned.rest.slope == clean.rest.slope
+    assert learned.line.slope == clean.line.slope
     assert clean.rejected == ()
 
 

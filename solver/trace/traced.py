@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.smooth import FINE_DEGREE, running_median
-from solver.core.correlation import correlation_length
+from solver.core.correlation import correlation_length, field_correlation
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
 from solver.instrument.medians import SIGMA_OVER_MAD
-from solver.photographs.edge_pairs import EdgePairs, edge_pairs
-from solver.photographs.path_search import NEAR_MARK, BeamPath, beam_paths
-from solver.photographs.sections import TAPER, Chord, Sections, course, section_places
+from solver.trace.edge_pairs import EdgePairs, edge_pairs
+from solver.trace.path_search import NEAR_MARK, BeamPath, beam_paths
+from solver.trace.sections import TAPER, Chord, Sections, course, section_places
 
 # Shortest beam [px]: a pixel for each of the fewest sections.
 LEAST_LENGTH: Final = 80
@@ -121,8 +121,8 @@ class _Fit(NamedTuple):
         # their middle. It has the slow part as well, which the course of the centre follows.
         half = (width - course(x, width, x, TAPER)) / 2
         residual = pairs.residual[kept]
-        across, together = (_correlation(residual, axis) for axis in (1, 0))
-        along = _correlation(residual - residual.mean(axis=0), 0)
+        across, together = (field_correlation(residual, axis, tapered=True) for axis in (1, 0))
+        along = field_correlation(residual - residual.mean(axis=0), 0, tapered=True)
         typical = [SIGMA_OVER_MAD * running_median(np.abs(error), _LOCAL) for error in (off, half)]
         formal = pairs.centre_sigma[kept] * np.sqrt(across)
         inflation = max(along, correlation_length(off), correlation_length(half))
@@ -184,21 +184,6 @@ def _kept(pairs: EdgePairs, sections: Sections, sign: int) -> Mask:
             kept &= off < REJECTED * max(SIGMA_OVER_MAD * float(np.median(off[kept])), LEAST_SIGMA)
     # One of a shadow's edges may be where the beam's would be, but rarely twice.
     return np.asarray(kept & (running_median(kept.astype(float), _NEIGHBOURS) > 0))
-
-
-def _correlation(field: Floats, axis: int) -> float:
-    """Compute the integrated autocorrelation of a field (n, m) along an axis, to its first zero.
-
-    All rows together: one row of an edge's few pixels is too short for `correlation_length`.
-    """
-    rows = np.moveaxis(field, axis, 0)
-    power, total = max(float(np.sum(rows**2)), 1e-300), 1.0
-    for lag in range(1, len(rows) // 2):
-        product = float(np.sum(rows[lag:] * rows[:-lag])) / power
-        if product <= 0:
-            break
-        total += 2 * product
-    return total
 
 
 def _check_marks(shape: tuple[int, ...], clamp: Floats, tip: Floats) -> None:

@@ -6,8 +6,8 @@ from itertools import cycle
 import numpy as np
 import pytest
 
-from solver.at_rest.learn import learn_at_rest
-from solver.at_rest.motion import moved
+from solver.at_rest.agreement import moved
+from solver.at_rest.rest_state import learn_rest_state
 from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
@@ -71,4 +71,4 @@ def test_still_images_that_show_the_beam_apart_are_refused_for_their_contrast(
 ) -> None:
     taken = images(random, *[still()] * 4)
     with pytest.raises(InputError, match=r"contrast of the beam is too low: .* 0\.33 px apart"):
-        learn_at_rest(taken, GUIDE, lambda _images, _guide: Apart(), CALIBRATION, rig())
+        learn_rest_state(taken, GUIDE, lambda _images, _guide: Apart(), CALIBRATION, rig())

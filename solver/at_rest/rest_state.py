@@ -1,18 +1,14 @@
-"""Beam before contact, from the rest images: its appearance, its line, the landmarks about it.
-
-Copies of one image count once. An image that shows the beam in another place than the others,
-because it was touched or swinging, is left out.
-"""
+"""The beam at rest, from its images: appearance, line, landmarks, noise and free end."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from solver.at_rest.agreement import Learn, agreeing_images
 from solver.at_rest.landmarks import Landmarks, learn_landmarks
-from solver.at_rest.motion import moved
-from solver.at_rest.rest_line import RestLine, disagreements, learn_rest
+from solver.at_rest.rest_line import RestLine, fit_rest_line
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
@@ -23,9 +19,6 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 from solver.instrument.units import DEGREE
-
-# Learns a beam extractor from images of the beam at rest.
-Learn = Callable[[Sequence[Grey], Guide], Extractor]
 
 # Margin [px] beside the beam without landmarks, for its immediate shadow.
 BESIDE_PX = 3.0
@@ -38,7 +31,7 @@ BEYOND_TIP = 1.08
 
 @dataclass(frozen=True)
 class RestState:
-    """Results learned from the rest images.
+    """The beam at rest: its extractor, its line, the landmarks about it, and its free end.
 
     `noise` is that of the gray values, `copies` counts the images that repeat another one,
     `rejected` holds the indices, among the distinct images, of those that disagree with the others,
@@ -49,7 +42,7 @@ class RestState:
     """
 
     extract: Extractor
-    rest: RestLine
+    line: RestLine
     landmarks: Landmarks
     noise: Noise
     tip: Floats | None
@@ -60,7 +53,7 @@ class RestState:
     length_seen: float | None = None
 
 
-def learn_at_rest(
+def learn_rest_state(
     images: Sequence[Grey], guide: Guide, learn: Learn, calibration: Calibration, rig: Rig
 ) -> RestState:
     """Learn the beam at rest from gray images (height, width) of it.
@@ -68,30 +61,23 @@ def learn_at_rest(
     `learn` makes the extractor. Raises InputError where the images show no beam, show it in
     different places, or with too little contrast to find its place.
     """
-    distinct = _distinct(images)
-    extract, lines = _learn_extractor(distinct, guide, learn)
-    deviations = disagreements(lines)
-    outliers = tuple(int(i) for i in np.flatnonzero(deviations))
-    if outliers and 2 * len(outliers) < len(distinct):
-        used = [image for i, image in enumerate(distinct) if i not in outliers]
-        extract, lines = _learn_extractor(used, guide, learn)
-        deviations = disagreements(lines)
-    else:
-        used, outliers = distinct, ()
-    largest = float(deviations.max(initial=0.0))
-    if largest > THRESHOLDS.max_disagreement_px:
-        raise _placing_error(largest, used, lines, guide)
-    noise = estimate_noise(used)
-    rest = learn_rest(lines, calibration, rig)
-    _check_direction(rest, extract, used[0], lines[0], rig)
-    landmarks = learn_landmarks(
-        used, _path(rest, calibration, rig), 4 * guide.radius_px + 2 * BESIDE_PX, noise
-    )
-    tip, tip_covariance = _mean_tip(lines)
-    copies = len(images) - len(distinct)
-    seen = _length_seen(extract, used[0]) if tip is None else None
+    used = agreeing_images(images, guide, learn)
+    noise = estimate_noise(used.images)
+    line = fit_rest_line(used.lines, calibration, rig)
+    _check_direction(line, used.extract, used.images[0], used.lines[0], rig)
+    width = 4 * guide.radius_px + 2 * BESIDE_PX
+    tip, tip_covariance = _mean_tip(used.lines)
     return RestState(
-        extract, rest, landmarks, noise, tip, tip_covariance, copies, outliers, largest, seen
+        extract=used.extract,
+        line=line,
+        landmarks=learn_landmarks(used.images, _path(line, calibration, rig), width, noise),
+        noise=noise,
+        tip=tip,
+        tip_covariance=tip_covariance,
+        copies=used.copies,
+        rejected=used.rejected,
+        disagreement_px=used.disagreement_px,
+        length_seen=_length_seen(used.extract, used.images[0]) if tip is None else None,
     )
 
 
@@ -153,50 +139,6 @@ def _check_direction(
                 "correct board.antenna_from_board_translation_mm; or the images are mirrored, "
                 "which a board without markers does not show: switch that off in the camera"
             )
-
-
-def _distinct(images: Sequence[Grey]) -> list[Grey]:
-    """Return the images without those that equal an earlier one."""
-    distinct: list[Grey] = []
-    for image in images:
-        if not any(np.array_equal(image, earlier) for earlier in distinct):
-            distinct.append(image)
-    return distinct
-
-
-def _learn_extractor(
-    images: Sequence[Grey], guide: Guide, learn: Learn
-) -> tuple[Extractor, list[Centreline]]:
-    """Learn the extractor, and extract the centreline of every image. Raises InputError."""
-    try:
-        extract = learn(images, guide)
-    except InputError:
-        # Where the camera moved between the images, each of them may show the beam well.
-        if len(images) > 1:
-            single = learn(images[:1], guide)
-            lines = [single(image) for image in images]
-            largest = float(disagreements(lines).max(initial=0.0))
-            if largest > THRESHOLDS.max_disagreement_px:
-                raise _placing_error(largest, images, lines, guide) from None
-        raise
-    return extract, [extract(image) for image in images]
-
-
-def _placing_error(
-    largest: float, images: Sequence[Grey], lines: Sequence[Centreline], guide: Guide
-) -> InputError:
-    """Explain why images (height, width) show the beam `largest` [px] apart, at their `lines`."""
-    if moved(images, lines, guide.radius_px):
-        return InputError(
-            f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
-            "camera or the beam moved, or image stabilisation is on; take them again with both at "
-            "rest"
-        )
-    return InputError(
-        f"the contrast of the beam is too low: its places in the rest images are up to "
-        f"{largest:.2f} px apart, although nothing in them moved; use a plain ground that is "
-        "darker or brighter than the beam, more light, or a sharper focus"
-    )
 
 
 def _path(rest: RestLine, calibration: Calibration, rig: Rig) -> Floats:

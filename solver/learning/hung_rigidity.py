@@ -17,7 +17,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
@@ -25,8 +25,8 @@ from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import least_squares
 
+from solver.beams.linear import unit_deflection
 from solver.beams.stretch import LEAST_WIDTH, least_width
-from solver.calibrate.thresholds import THRESHOLDS
 from solver.core.correlation import correlation_length
 from solver.fitting.frame_problem import in_beam_frame
 from solver.instrument.arrays import Floats
@@ -34,6 +34,7 @@ from solver.instrument.beam_shape import FIRST_WIDTH
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.instrument.medians import SIGMA_OVER_MAD
+from solver.instrument.transforms import turn_about_z
 from solver.planes.plane_d import unproject
 
 # Points with a residual above this many sigmas have less weight.
@@ -48,6 +49,17 @@ _HALVINGS = 20
 _NODES = np.linspace(0.0, 1.0, 60)
 # Parameters of the fit before those of the beam's shape.
 _OWN = 8
+# Fewest points of a beam under a hung weight. Chosen.
+_MIN_POINTS: Final = 20
+# Largest slope [rad]. Chosen: on a steeper beam, x no longer determines the place, and the weight
+# slides.
+_MAX_SLOPE: Final = math.radians(60)
+# Least load of the weight over its sigma. Chosen: it determines EI to 5 %.
+_MIN_LOAD_SIGMAS: Final = 20.0
+# Deviation of the weight's place, and of the clamp's level, from those stated, in sigmas. Chosen.
+_MAX_DEVIATION: Final = 4.0
+# Scatter of the points about the fitted beam, in sigmas. Chosen.
+_MAX_MISFIT: Final = 3.0
 
 
 @dataclass(frozen=True)
@@ -117,9 +129,9 @@ def flexural_rigidity(
     if not np.abs(result.residuals).max() < _NO_SHAPE:
         raise InputError(
             f"no beam of {1e3 * length:g} mm under a weight fits the images: is its slope above "
-            f"{math.degrees(THRESHOLDS.max_slope):.0f} deg, or does another force bend it?"
+            f"{math.degrees(_MAX_SLOPE):.0f} deg, or does another force bend it?"
         )
-    if not fit.success or not ratio > THRESHOLDS.min_load_sigmas * ratio_sigma:
+    if not fit.success or not ratio > _MIN_LOAD_SIGMAS * ratio_sigma:
         raise InputError(
             "the weight bends the beam too little to determine EI: use a heavier one or a larger "
             "distance from the clamp"
@@ -194,7 +206,7 @@ class _Problem:
         shift_x, _, _, scale = p[4:_OWN] * self.prior_sigmas
         _, clamp_shift, skew, *_ = self.stated.shape(p[_OWN:])
         clamp = [shift_x + clamp_shift * self.length, y]
-        rotation = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
+        rotation = turn_about_z(tilt)[:2, :2]
         rows = []
         for (points, sigmas), loaded, factor in zip(
             self.groups, (False, True), inflation, strict=True
@@ -301,20 +313,20 @@ def _check_consistency(deviations: Floats, sigmas: Floats, misfit: float, of_sha
     (m,) [sigma] are deviations from the stated shape.
     """
     place, level = deviations * sigmas
-    if misfit > THRESHOLDS.max_weight_misfit:
+    if misfit > _MAX_MISFIT:
         raise InputError(
             f"the points deviate by {misfit:.1f} sigma from the fitted beam, allowed is "
-            f"{THRESHOLDS.max_weight_misfit:g}: only the weight may bend the beam, and nothing "
+            f"{_MAX_MISFIT:g}: only the weight may bend the beam, and nothing "
             "may touch it"
         )
     of_beam = float(np.abs(of_shape).max(initial=0.0))
-    if of_beam > max(THRESHOLDS.max_weight_deviation, np.abs(deviations).max()):
+    if of_beam > max(_MAX_DEVIATION, np.abs(deviations).max()):
         raise InputError(
             f"the beam or its clamp is {of_beam:.0f} sigmas from what rig.json states: correct "
             "beam_shape, or learn the beam"
         )
     largest = int(np.argmax(np.abs(deviations)))
-    if abs(deviations[largest]) <= THRESHOLDS.max_weight_deviation:
+    if abs(deviations[largest]) <= _MAX_DEVIATION:
         return
     if largest == 0:
         raise InputError(
@@ -379,7 +391,7 @@ def hung_beam(
     solution = solve_bvp(derivatives, boundary, np.linspace(0, 1, 11), np.zeros((8, 11)), tol=1e-6)
     state = solution.sol(_NODES)
     theta = np.concatenate([state[0], state[1][1:]])
-    if not solution.success or np.abs(theta).max() > THRESHOLDS.max_slope:
+    if not solution.success or np.abs(theta).max() > _MAX_SLOPE:
         return None
     x, y = (np.concatenate([part[0], part[1][1:]]) for part in (state[4:6], state[6:8]))
     return CubicHermiteSpline(x, y, np.tan(theta))
@@ -389,10 +401,9 @@ def _pool(measurements: Sequence[Measurement], when: str) -> _Points:
     """Pool the points of several images and their sigma vectors, in order along the beam."""
     points = np.vstack([measurement.points for measurement in measurements])
     sigmas = np.vstack([measurement.sigma_vectors for measurement in measurements])
-    if len(points) < THRESHOLDS.min_weight_points:
+    if len(points) < _MIN_POINTS:
         raise InputError(
-            f"the images of the beam {when} show {len(points)} points, "
-            f"needed are {THRESHOLDS.min_weight_points}"
+            f"the images of the beam {when} show {len(points)} points, needed are {_MIN_POINTS}"
         )
     order = np.argsort(points[:, 0], kind="stable")
     return _Points(points[order], sigmas[order])
@@ -408,8 +419,7 @@ def _linear_start(groups: Sequence[_Points], at: float, length: float) -> Floats
     design, y = [], []
     for (points, _), loaded in zip(groups, (False, True), strict=True):
         x = points[:, 0]
-        inner, outer = (3 * at - x) * x**2 / 6, (3 * x - at) * at**2 / 6
-        bent = np.where(x < at, inner, outer) * loaded
+        bent = unit_deflection(x, at) / 6 * loaded
         sagged = x**2 * (6 * length**2 - 4 * length * x + x**2) / 24
         design.append(np.column_stack([bent, sagged, np.ones_like(x), x]))
         y.append(points[:, 1])

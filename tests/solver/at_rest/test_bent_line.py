@@ -1,4 +1,4 @@
-"""The course of the bent beam against closed forms and against NumPy."""
+"""The line of the bent beam against closed forms and against NumPy."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from solver.at_rest.course import MIN_POINTS, course_of
+from solver.at_rest.bent_line import MIN_POINTS, bent_line
 from solver.at_rest.rest_line import RestLine
 from solver.instrument.arrays import Floats
 from tests.draws import generator
@@ -32,42 +32,42 @@ def bent(x: Floats) -> Floats:
 @pytest.mark.parametrize(("first", "last"), [(0.02, 1.0), (0.3, 0.8)])
 def test_normals_and_turn_are_those_of_the_curve(first: float, last: float) -> None:
     x = np.linspace(first, last, 200)
-    course = course_of(bent(x), REST, rig())
-    assert course is not None
+    line = bent_line(bent(x), REST, rig())
+    assert line is not None
     slope = REST.slope + 0.4 * x - 0.15 * x**2 + 0.05 * x**4
-    assert_allclose(course.turn, np.arctan(slope) - np.arctan(REST.slope), atol=1e-9)
+    assert_allclose(line.turn, np.arctan(slope) - np.arctan(REST.slope), atol=1e-9)
     expected = np.column_stack([-slope, np.ones_like(x)]) / np.hypot(1, slope)[:, None]
-    assert_allclose(course.normals, expected, atol=1e-9)
+    assert_allclose(line.normals, expected, atol=1e-9)
 
 
 def test_the_bow_is_that_at_the_same_arc_length() -> None:
     x = np.linspace(0.1, 0.85, 150)
-    course = course_of(bent(x), REST, rig())
-    assert course is not None
+    line = bent_line(bent(x), REST, rig())
+    assert line is not None
     fine = np.linspace(0, 1, 20001)
     slope = REST.slope + 0.4 * fine - 0.15 * fine**2 + 0.05 * fine**4
     speed = np.hypot(1, slope)
     arcs = np.append(0, np.cumsum((speed[1:] + speed[:-1]) / 2)) * fine[1]
     bow, errors = REST.bow_errors_at(LENGTH * np.interp(x, fine, arcs))
-    assert_allclose(course.bow, bow, rtol=1e-4)
-    assert_allclose(course.bow_errors, errors, atol=1e-4 * np.abs(errors).max())
+    assert_allclose(line.bow, bow, rtol=1e-4)
+    assert_allclose(line.bow_errors, errors, atol=1e-4 * np.abs(errors).max())
 
 
 def test_a_straight_beam_turns_nowhere() -> None:
     x = np.linspace(0, 1, 50)
     straight = np.column_stack([rig().base_position[0] + LENGTH * x, 1e-4 + 0.01 * LENGTH * x])
-    course = course_of(straight, REST, rig())
-    assert course is not None
-    assert_allclose(course.turn, 0, atol=1e-12)
+    line = bent_line(straight, REST, rig())
+    assert line is not None
+    assert_allclose(line.turn, 0, atol=1e-12)
 
 
 def test_a_short_stretch_is_fitted_by_a_cubic_and_few_points_by_nothing() -> None:
     """NumPy's singular value decomposition gives the same curve."""
     x = np.linspace(0.7, 0.95, 60)
     points = bent(x) + 1e-5 * RANDOM.standard_normal((60, 2)) * [0, 1]
-    course = course_of(points, replace(REST, slope=0.0), rig())
-    assert course is not None
+    line = bent_line(points, replace(REST, slope=0.0), rig())
+    assert line is not None
     y = (points[:, 1] - REST.y_at_clamp) / LENGTH
     weights, *_ = np.linalg.lstsq(np.column_stack([x**2, x**3]), y)
-    assert_allclose(np.tan(course.turn), 2 * weights[0] * x + 3 * weights[1] * x**2, rtol=1e-9)
-    assert course_of(points[: MIN_POINTS - 1], REST, rig()) is None
+    assert_allclose(np.tan(line.turn), 2 * weights[0] * x + 3 * weights[1] * x**2, rtol=1e-9)
+    assert bent_line(points[: MIN_POINTS - 1], REST, rig()) is None

@@ -1,0 +1,197 @@
+"""Points of the beam at rest, the mean of its images place by place, and fits to them.
+
+Of their errors some follow the pixel grid, and repeat from image to image.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solver.calibrate import Calibration
+from solver.centreline import Centreline
+from solver.centreline.smooth import LAG
+from solver.core.correlation import correlation_length
+from solver.instrument.arrays import Floats
+from solver.instrument.medians import SIGMA_OVER_MAD
+from solver.planes.plane_c import on_plane
+
+# Number of harmonics that describe errors with the period of the pixel rows (chosen), where there
+# are more independent errors than coefficients: five of the bow and two per harmonic.
+HARMONICS = 2
+GRID_COEFFICIENTS = 5 + 2 * HARMONICS
+
+
+class RestPoints(NamedTuple):
+    """Mean of the rest images: points (n, 2) on C [m] and their sigma (n,) along y [m].
+
+    `random` is the part of the points' variance that differs from image to image, over the square
+    of sigma. `row` (n,) [px] is the points' position on the pixel grid, across the beam; `pixel`
+    [m] is the size of a pixel.
+    """
+
+    points: Floats
+    sigma: Floats
+    random: float
+    row: Floats
+    pixel: float
+
+    @property
+    def rows(self) -> float:
+        """Number of pixel rows that the beam crosses."""
+        return float(np.ptp(self.row))
+
+
+def mean_points(lines: Sequence[Centreline], calibration: Calibration) -> RestPoints:
+    """Average the images place by place.
+
+    A centre's error on the pixel grid is the same in all of them, so four images are not twice as
+    accurate as one.
+    """
+    pixels = np.vstack([line.points for line in lines])
+    if not len(pixels):
+        return RestPoints(np.empty((0, 2)), np.empty(0), 1.0, np.empty(0), 0.0)
+    directions = np.vstack([line.directions for line in lines])
+    sigma = np.concatenate([line.sigma for line in lines])
+    _, first, index, count = np.unique(
+        np.concatenate([place_keys(line) for line in lines]),
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
+    )
+    mean = np.column_stack([np.bincount(index, pixels[:, i]) / count for i in (0, 1)])
+    mean_sigma = np.bincount(index, sigma) / count
+    deviations = ((pixels - mean[index]) ** 2).sum(axis=1) / mean_sigma[index] ** 2
+    repeated = count > 1
+    # A single image cannot separate noise from errors that repeat: its sigma is used.
+    random = 1.0
+    if repeated.any():
+        squares = np.bincount(index, deviations)[repeated] / (count[repeated] - 1)
+        random = float(np.mean(squares / count[repeated]))
+    points, vectors = on_plane(calibration.camera, mean, directions[first] * mean_sigma[:, None])
+    # Of an error measured obliquely to the beam, only the part across the beam counts.
+    order = np.argsort(points[:, 0])
+    tilt = math.atan(np.polyfit(points[:, 0], points[:, 1], 1)[0]) if len(points) > 2 else 0.0
+    across = np.abs(vectors @ [-math.sin(tilt), math.cos(tilt)]) / math.cos(tilt)
+    row = (mean * directions[first]).sum(axis=1)
+    pixel = float(np.median(across / mean_sigma))
+    return RestPoints(points[order], np.maximum(across[order], 1e-12), random, row[order], pixel)
+
+
+def place_keys(line: Centreline) -> Floats:
+    """Number every place that is read: columns count from 0 up, rows down from -1."""
+    columns = line.directions[:, 1] != 0
+    return np.asarray(np.where(columns, line.points[:, 0], -1 - line.points[:, 1]))
+
+
+def centres(line: Centreline) -> Floats:
+    """Return each point's position in its column or row."""
+    return np.asarray((line.points * line.directions).sum(axis=1))
+
+
+class LinearFit(NamedTuple):
+    """Coefficients (m,), their covariance (m, m), chi^2, and two variance inflations of chi^2.
+
+    `scatter` is that for errors like noise, `repeated` that for errors that follow the pixel grid;
+    infinite where the coefficients are as many as those errors, and absorb them.
+    `noise_covariance` (m, m) is that of errors that differ from image to image, alone.
+    """
+
+    coefficients: Floats
+    covariance: Floats
+    noise_covariance: Floats
+    chi2: float
+    scatter: float
+    repeated: float
+
+
+def fit_columns(points: RestPoints, design: Floats, y: Floats) -> LinearFit:
+    """Fit y (n,) at the points by the columns of a design (n, m).
+
+    The covariance is inflated by the residuals' variance and their correlation length. Errors of
+    compression and processing repeat from image to image and follow the pixel grid: for a beam that
+    crosses R rows, the mean holds only R + 1 independent ones, and m coefficients explain m of
+    them. Where the beam crosses many rows, errors with the period of a row are fitted as well.
+    """
+    m = design.shape[1]
+    if points.rows + 1 > GRID_COEFFICIENTS:
+        phase = 2 * np.pi * np.outer(points.row, np.arange(1, HARMONICS + 1))
+        design = np.column_stack([design, np.sin(phase), np.cos(phase)])
+    # A harmonic has no mean over a row: it explains none of the rows' errors.
+    n, spare_rows = len(y), points.rows + 1 - m
+    whitened = design / points.sigma[:, None]
+    inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
+    coefficients = inverse @ (whitened.T @ (y / points.sigma))
+    residual = (y - design @ coefficients) / points.sigma
+    # Without outliers, so that an object beside the beam does not hide a bow.
+    size = np.abs(residual)
+    inliers = residual[size < 3 * SIGMA_OVER_MAD * np.median(size) + 1e-12]
+    variance = max(float(np.mean(residual**2)), 1e-12)
+    inlier_variance = float(np.mean(inliers**2))
+    correlation = correlation_length(residual)
+    repeated = n * max(
+        _repeating(inlier_variance, n, points), _shared_by_neighbours(inliers).significant
+    )
+    in_rows = _variance_of_rows(spare_rows, _shared_by_neighbours(residual), variance, n, points)
+    return LinearFit(
+        coefficients[:m],
+        inverse[:m, :m] * max(variance * correlation, n * in_rows),
+        inverse[:m, :m] * points.random,
+        float(residual @ residual),
+        max(inlier_variance, 1.0) * correlation,
+        repeated / spare_rows if spare_rows > 0 else math.inf,
+    )
+
+
+def _variance_of_rows(
+    spare_rows: float, shared: "_Shared", variance: float, n: int, points: RestPoints
+) -> float:
+    """Estimate the variance of one row's error, as the fit's coefficients contain it.
+
+    `variance` is that of the n residuals, which show the errors of the spare rows. Without a spare
+    row they may be as large as all that repeats from image to image, and never larger.
+    """
+    shown = min(max(spare_rows, 0.0), 1.0)
+    most = max(_repeating(variance, n, points), shared.significant)
+    measured = min(shared.at_most, most)
+    return shown * measured / max(spare_rows, 1.0) + (1 - shown) * most
+
+
+def _repeating(variance: float, n: int, points: RestPoints) -> float:
+    """Estimate the part of a variance of n residuals that repeats from image to image.
+
+    It is 0 unless chance would exceed it in fewer than one rig of a thousand.
+    """
+    repeating = variance - points.random
+    return repeating if repeating > 3.1 * math.sqrt(2 / n) * (variance + points.random) else 0.0
+
+
+class _Shared(NamedTuple):
+    """Part of a variance that neighbours have in common, and the least that is significant."""
+
+    measured: float
+    least: float
+
+    @property
+    def significant(self) -> float:
+        """The part; 0 unless chance would exceed it in fewer than one rig of a thousand."""
+        return self.measured if self.measured > self.least else 0.0
+
+    @property
+    def at_most(self) -> float:
+        """The part, or what would be overlooked."""
+        return max(self.measured, self.least)
+
+
+def _shared_by_neighbours(residual: Floats) -> _Shared:
+    """Estimate the part of the variance of residuals (n,) that neighbours have in common.
+
+    It is the variance of means over LAG neighbours, minus the part of independent errors in it.
+    Errors that alternate from column to column, as those of a colour mosaic, cancel.
+    """
+    n, white = len(residual), float(np.mean(residual**2)) / LAG
+    if n < 2 * LAG:
+        return _Shared(0.0, 0.0)
+    means = np.convolve(residual, np.full(LAG, 1 / LAG), "valid")
+    return _Shared(float(np.mean(means**2)) - white, 3.1 * math.sqrt(2 * LAG / n) * white)
