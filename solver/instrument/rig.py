@@ -4,6 +4,7 @@ Tolerances are one-sigma; methods use them as priors. The rig is stored as `rig.
 the keys; all values in memory are in SI units.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,11 +13,6 @@ from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.beam import Beam
 from solver.instrument.beam_shape import UNIFORM, BeamShape
 from solver.instrument.board import Board
-from solver.instrument.clamp_offset import (
-    ON_AXIS,
-    ClampOffset,
-)
-from solver.instrument.gravity import Gravity
 
 # Chosen far beyond any antenna, from a nanotube to a mast: only mistakes in the unit or in typing
 # are rejected, and no product of these values overflows.
@@ -63,6 +59,45 @@ class Sensors:
 
 
 @dataclass(frozen=True)
+class Gravity:
+    """Direction of gravity in plane C, along which a hung weight pulls, and its sigma [rad].
+
+    `direction` is the angle in Sigma_o from x towards y. Raises ValueError if a value is not finite
+    or the sigma is negative.
+    """
+
+    direction: float
+    sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.direction) and 0 <= self.sigma < math.inf):
+            raise ValueError(f"gravity is {self.direction} +- {self.sigma}, allowed is finite")
+
+
+@dataclass(frozen=True)
+class ClampOffset:
+    """Position (2,) [m] of the clamp relative to the motor's axis, in x and y of Sigma_a.
+
+    `covariance` (2, 2) [m^2] is its uncertainty. By default the clamp is on the axis (the paper's
+    assumption 4). Raises ValueError if a shape is wrong or a value is not finite.
+    """
+
+    position: Floats = field(default_factory=lambda: np.zeros(2))
+    covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
+
+    def __post_init__(self) -> None:
+        position = frozen_floats("clamp offset", self.position, (2,))
+        object.__setattr__(self, "position", position)
+        covariance = frozen_floats("covariance of the clamp offset", self.covariance, (2, 2))
+        object.__setattr__(self, "covariance", covariance)
+
+    @property
+    def none(self) -> bool:
+        """Whether the clamp is certainly on the axis."""
+        return not (self.position.any() or self.covariance.any())
+
+
+@dataclass(frozen=True)
 class Rig:
     """Nominal beam, clamp position (3,) [m] in Sigma_a, board of view 0, its pose, tolerances.
 
@@ -106,7 +141,7 @@ class Rig:
     channel: str = "gray"
     shape: BeamShape = UNIFORM
     gravity: Gravity | None = None
-    clamp_offset: ClampOffset = ON_AXIS
+    clamp_offset: ClampOffset = ClampOffset()
 
     @property
     def free_length(self) -> float:

@@ -25,9 +25,8 @@ from scipy.special import chdtri
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.push_joint import RADIUS_SIGMA
 from solver.instrument.arrays import Floats
-from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.measurement import Measurement
-from solver.instrument.rig import Rig
+from solver.instrument.rig import ClampOffset, Rig
 from solver.methods.exact_fit import exact_fit
 
 # Prior sigma of each component where the rig states none, over the beam's length. Chosen: adaptors

@@ -9,9 +9,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.camera import Camera
-from solver.instrument.clamp_offset import ClampOffset
-from solver.instrument.gravity import Gravity
-from solver.instrument.rig import Rig, Sensors, Tolerances
+from solver.instrument.rig import ClampOffset, Gravity, Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.scene.light_direction import light_across, light_direction

@@ -12,9 +12,9 @@ import pytest
 
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
-from solver.instrument.gravity import Gravity
-from solver.instrument.rig import ANY_LIGHT, Sensors
-from solver.instrument.rig_json import ENCODER_SIGMA_DEG, TIP_SIGMA_RADII, read_rig, rig_to_json
+from solver.instrument.rig import ANY_LIGHT, Gravity, Sensors
+from solver.instrument.rig_json import read_rig, rig_to_json
+from solver.instrument.rig_keys import ENCODER_SIGMA_DEG, KEYS, TIP_SIGMA_RADII
 from tests.draws import scene_seed
 from tests.simulated import rig
 
@@ -28,6 +28,14 @@ def test_round_trip(tmp_path: Path) -> None:
     assert found.beam.flexural_rigidity == pytest.approx(rig().beam.flexural_rigidity, rel=1e-11)
     assert found.tolerances.encoder == pytest.approx(1e-3, rel=1e-11)
     assert found.antenna_from_board == pytest.approx(np.eye(4))
+
+
+def test_the_readme_describes_every_key_that_a_laboratory_states() -> None:
+    text = (Path(__file__).parents[3] / "solver" / "README.md").read_text(encoding="utf-8")
+    by_learning = ("learned.", "clamp_offset.covariance")
+    stated = [key for key in KEYS if not key.place.startswith(by_learning)]
+    missing = [key.name for key in stated if key.name.split(".")[1] not in text]
+    assert missing == []
 
 
 def test_no_known_key_is_taken_for_a_missing_one(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from solver.calibrate.rigidity import hung_beam
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.estimate import Outcome
-from solver.instrument.gravity import Gravity
+from solver.instrument.rig import Gravity
 from solver.instrument.transforms import turn_about_z
 from solver.methods.exact_fit import exact_fit
 from solver.methods.hung_weight import hung_weight
