@@ -25,6 +25,7 @@ class Unit(NamedTuple):
 _UNITS: Final = (
     Unit("_mm_per_n", "mm/N", MILLIMETRE),
     Unit("_n_per_m", "N/m", 1.0),
+    Unit("_per_mm2", "1/mm^2", 1 / MILLIMETRE**2),
     Unit("_n_mm2", "N mm^2", NEWTON_SQUARE_MILLIMETRE),
     Unit("_pct_L", "% of L", PERCENT),
     Unit("_n_mm", "N mm", MILLIMETRE),

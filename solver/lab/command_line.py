@@ -14,7 +14,7 @@ import cv2
 import typer
 from rich.console import Console
 
-from solver.centreline.extractors import EXTRACTORS, find_extractor
+from solver.centreline.extractors import find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
 from solver.instrument.observation import frames_beside, open_rig_files, rig_file, tables_beside
@@ -35,10 +35,15 @@ from solver.lab.example import example_rig, next_steps
 from solver.lab.file_findings import file_findings
 from solver.lab.findings import findings
 from solver.lab.help import Command, Group
-from solver.lab.input_options import (
+from solver.lab.learn_command import learn
+from solver.lab.live import json_line, solve_shots, warm_up
+from solver.lab.options import (
+    CentrelineOption,
     ChannelOption,
     ControlOption,
     ExposureOption,
+    JsonOption,
+    MethodOption,
     OtherRigOption,
     ReadingsOption,
     RigOption,
@@ -48,9 +53,7 @@ from solver.lab.input_options import (
     open_inputs,
     used_tables,
 )
-from solver.lab.learn_command import learn
-from solver.lab.live import json_line, solve_shots, warm_up
-from solver.lab.outline_command import outline
+from solver.lab.outline import outline
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.photos_command import photos
 from solver.lab.protocol_report import protocol_report
@@ -61,7 +64,7 @@ from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import check_no_input, prepare_output_path, write
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
-from solver.methods import LEARNING, METHODS
+from solver.methods import LEARNING
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
 
@@ -82,12 +85,8 @@ def solve(
         typer.Argument(help="observations folder; or images, a video, a camera, with --rig"),
     ],
     rig: OtherRigOption = None,
-    method: Annotated[
-        str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
-    ] = "exact_fit",
-    centreline: Annotated[
-        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
-    ] = "profile_fit",
+    method: MethodOption = "exact_fit",
+    centreline: CentrelineOption = "profile_fit",
     readings: ReadingsOption = None,
     out: Annotated[
         Path | None,
@@ -176,7 +175,7 @@ def _show(rows: list[Row], method: str, where: str, accuracy: Sequence[str]) -> 
     Console().print(table(rows, method))
     count = f"{len(rows)} estimate{'' if len(rows) == 1 else 's'}"
     for line in (*reasons(rows), *accuracy, f"{count} in {where}"):
-        Console(soft_wrap=True).print(line, markup=False)
+        print(line)
 
 
 def _check_overlay(overlay: Path | None, source: Source, read: Sequence[Path]) -> None:
@@ -207,19 +206,13 @@ def demo(
     """Estimate the forces in six images of the example rig; say how to go on with a camera."""
     example = example_rig()
     solve([str(example)], out=out / "estimates.csv", overlay=out)
-    Console(soft_wrap=True).print(
-        f"overlays in {out}{os.sep}*.png: all dots must be on the beam\n{next_steps(example)}",
-        markup=False,
-        highlight=False,
-    )
+    print(f"overlays in {out}{os.sep}*.png: all dots must be on the beam\n{next_steps(example)}")
 
 
 @app.command()
 def warm(
     rig: RigOption,
-    method: Annotated[
-        str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
-    ] = "exact_fit",
+    method: MethodOption = "exact_fit",
 ) -> None:
     """Compile all code that a frame needs, so that the next start takes seconds."""
     function, observations = find_method(method), open_rig_files(rig)
@@ -290,7 +283,7 @@ def check(
             "wrong, and compares the estimates with balance and ruler"
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
+    json: JsonOption = False,
 ) -> None:
     """Report the quality of the calibration and of the rest images; exit with 1 after a warning.
 

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import typer
-from rich.console import Console
 from rich.progress import track
 from scipy.constants import g
 
-from solver.centreline.extractors import EXTRACTORS, find_extractor
+from solver.centreline.extractors import find_extractor
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.rig_json import rig_to_json
@@ -18,15 +17,17 @@ from solver.lab.console import console, setting_up, show_findings
 from solver.lab.controls import NO_CONTROLS
 from solver.lab.file_findings import file_findings
 from solver.lab.findings import findings
-from solver.lab.input_options import (
+from solver.lab.options import (
+    CentrelineOption,
     ChannelOption,
     OtherRigOption,
+    PageOption,
     ReadingsOption,
     input_files,
     open_inputs,
     used_tables,
 )
-from solver.lab.writing import prepare_output_path, write
+from solver.lab.writing import prepare_output_and_page, write
 from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import frames_to_learn, learn_from_frames, measurement_of
 from solver.learning.known_force import rig_with_force
@@ -48,9 +49,7 @@ def learn(
     rig: OtherRigOption = None,
     readings: ReadingsOption = None,
     channel: ChannelOption = None,
-    centreline: Annotated[
-        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
-    ] = "profile_fit",
+    centreline: CentrelineOption = "profile_fit",
     known_force: Annotated[
         tuple[str, float, float] | None,
         typer.Option(
@@ -74,9 +73,7 @@ def learn(
             metavar="MM SIGMA",
         ),
     ] = None,
-    web_page: Annotated[
-        Path | None, typer.Option("--page", help="HTML page with pictures to write")
-    ] = None,
+    web_page: PageOption = None,
 ) -> None:
     """Learn the beam and its clamp from pushes against unknown objects, by images alone.
 
@@ -91,11 +88,7 @@ def learn(
     if not files.frames:
         raise InputError("learn needs images of pushes: save some with the command snap")
     radius = None if object_radius is None else _radius(*object_radius)
-    if web_page and web_page.resolve() == out.resolve():
-        raise InputError(f"--out and --page are both {out}, allowed are two files")
-    read = input_files(files, sources, rig, readings)
-    for path in filter(None, (out, web_page)):
-        prepare_output_path(path, read)
+    prepare_output_and_page(out, web_page, input_files(files, sources, rig, readings))
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
     of_files = file_findings(files, used_tables(sources, readings))
@@ -118,9 +111,7 @@ def learn(
     if web_page:
         write(web_page, page(beam, learned, files.rig).encode())
     written = f"{out} and {web_page}" if web_page else f"{out}"
-    Console(highlight=False, soft_wrap=True).print(
-        f"{summary(beam, learned, files.rig)}\nwritten to {written}", markup=False
-    )
+    print(f"{summary(beam, learned, files.rig)}\nwritten to {written}")
 
 
 def _say_left_out(frame: ImageFrame, reason: str) -> None:

@@ -1,23 +1,51 @@
-"""The command `outline`: a table of estimates in, a table of the outline out."""
+"""The command `outline`: estimates from many poses in, the outline of the object out."""
 
-import csv
-import io
 import math
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+import typer
 
 from solver.instrument.csv_table import CsvRow, csv_rows
 from solver.instrument.errors import InputError, quoted
+from solver.instrument.metadata import read_frames
+from solver.instrument.observation import open_observations, rig_file
+from solver.instrument.rig_json import read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE
-from solver.outline.contacts import Row
-from solver.outline.fit import Outline
+from solver.lab.table import csv_text
+from solver.lab.writing import prepare_output_path, write
+from solver.outline.contacts import Row, contacts_of
+from solver.outline.fit import Outline, fit_outline
 
 COLUMNS: Final = ("normal_deg", "x_mm", "y_mm", "sigma_mm", "nearest_contact_mm")
 # Largest table of estimates. Chosen: a row has 1 kB; an outline has thousands at most.
 _MAX_BYTES: Final = 100_000_000
 _TEXTS: Final = ("frame_id", "outcome", "message")
+
+
+def outline(
+    estimates: Annotated[Path, typer.Argument(help="CSV of estimates, written by solve")],
+    rig: Annotated[Path, typer.Option(help="rig.json, or the observations folder it is in")],
+    readings: Annotated[
+        Path | None,
+        typer.Option(
+            help="table like metadata.csv with the poses of the carriage, beside the images",
+            show_default="those of the observations folder",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="CSV to write")] = Path("outline.csv"),
+) -> None:
+    """Estimate the outline of an object that was touched from many poses of the antenna."""
+    if readings is None:
+        observations = open_observations(rig)
+        frames, nominal = observations.frames, observations.rig
+    else:
+        frames, nominal = tuple(read_frames(readings)), read_rig(rig_file(rig))
+    prepare_output_path(out, (estimates, rig_file(rig), *((readings,) if readings else ())))
+    result = fit_outline(contacts_of(read_estimates(estimates), frames, nominal))
+    write(out, outline_csv(result).encode())
+    print(summary(result))
 
 
 def read_estimates(path: Path) -> list[Row]:
@@ -42,17 +70,11 @@ def _cell(where: str, name: str, row: CsvRow) -> float | str | None:
     return number
 
 
-def csv_text(outline: Outline) -> str:
+def outline_csv(outline: Outline) -> str:
     """Format an outline as CSV, a row per normal, floats in full precision."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
     lengths = np.column_stack([outline.points, outline.sigmas, outline.nearest_contact])
-    writer.writerows(
-        [float(normal / DEGREE), *map(float, row / MILLIMETRE)]
-        for normal, row in zip(outline.normals, lengths, strict=True)
-    )
-    return stream.getvalue()
+    values = np.column_stack([outline.normals / DEGREE, lengths / MILLIMETRE])
+    return csv_text([dict(zip(COLUMNS, row, strict=True)) for row in values.tolist()], COLUMNS)
 
 
 def summary(outline: Outline) -> str:

@@ -1,4 +1,4 @@
-"""Options that name a rig and a source of images, and the inputs that they open."""
+"""Options that several commands share, and the inputs that they open."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.errors import InputError
 from solver.instrument.images import CHANNELS, image_files
 from solver.instrument.observation import (
@@ -19,6 +20,7 @@ from solver.instrument.observation import (
 from solver.lab.controls import NO_CONTROLS, Controls
 from solver.lab.shots import Files, Source
 from solver.lab.sources import is_camera, open_source
+from solver.methods import METHODS
 
 _RIG = typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
 RigOption = Annotated[Path, _RIG]
@@ -42,6 +44,15 @@ ControlOption = Annotated[
     list[str] | None,
     typer.Option(help="OpenCV camera property: gain=4, fourcc=Y16; may be repeated"),
 ]
+
+MethodOption = Annotated[
+    str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
+]
+CentrelineOption = Annotated[
+    str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
+]
+PageOption = Annotated[Path | None, typer.Option("--page", help="HTML page with pictures to write")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print one line of JSON")]
 
 
 def open_inputs(
