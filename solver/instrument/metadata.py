@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 from solver.instrument.csv_table import CsvRow, csv_rows
 from solver.instrument.errors import InputError, quoted, similar_name, truncated
 from solver.instrument.image_frame import Carriage, ImageFrame, Readings
-from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.instrument.units import DEGREE, MILLIMETRE, unit_of
 
 # Longest name in a table. Chosen: file names can have 255 characters, suffix included.
 MAX_NAME_LENGTH: Final = 250
@@ -80,24 +80,18 @@ def read_frames(table: Path) -> Iterator[ImageFrame]:
             raise InputError(f"{table}: the column file_name is missing{hint}")
         cells = _Cells(f"{table}:{row.line}", row)
         path = cells.image(table.parent)
-        removed = cells.numbers("removed_from_mm", "removed_to_mm")
+        removed = cells.quantities("removed_from_mm", "removed_to_mm")
         if removed is not None and removed[0] > removed[1]:
             raise InputError(
-                f"{cells.where}: removed_from_mm is {removed[0]:g} and removed_to_mm "
-                f"{removed[1]:g}, allowed is from low to high"
+                f"{cells.where}: removed_from_mm is {removed[0] / MILLIMETRE:g} and removed_to_mm "
+                f"{removed[1] / MILLIMETRE:g}, allowed is from low to high"
             )
-        force = cells.numbers(*(f"base_force_{axis}_n" for axis in "xyz"))
-        moment = cells.numbers(*(f"base_moment_{axis}_n_mm" for axis in "xyz"))
-        angle = cells.numbers("motor_angle_deg")
-        moment_y = cells.numbers("moment_y_n_mm")
         readings = Readings(
-            motor_angle=None if angle is None else angle[0] * DEGREE,
-            removed=None if removed is None else (removed[0] * MILLIMETRE, removed[1] * MILLIMETRE),
-            moment_y=None if moment_y is None else moment_y[0] * MILLIMETRE,
-            base_force=None if force is None else (force[0], force[1], force[2]),
-            base_moment=None
-            if moment is None
-            else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
+            motor_angle=cells.quantity("motor_angle_deg"),
+            removed=None if removed is None else (removed[0], removed[1]),
+            moment_y=cells.quantity("moment_y_n_mm"),
+            base_force=cells.vector("base_force_{}_n"),
+            base_moment=cells.vector("base_moment_{}_n_mm"),
             carriage=cells.carriage(),
         )
         yield ImageFrame(
@@ -145,23 +139,15 @@ class _Cells:
 
     def carriage(self) -> Carriage | None:
         """Read the pose of a carriage; None if its cells are empty. Sigmas are 0 where empty."""
-        pose = self.numbers("carriage_x_mm", "carriage_y_mm", "carriage_turn_deg")
-        (sigma,) = self.numbers("carriage_sigma_mm") or [0.0]
-        (turn_sigma,) = self.numbers("carriage_turn_sigma_deg") or [0.0]
+        pose = self.quantities("carriage_x_mm", "carriage_y_mm", "carriage_turn_deg")
+        sigma = self.quantity("carriage_sigma_mm") or 0.0
+        turn_sigma = self.quantity("carriage_turn_sigma_deg") or 0.0
         if min(sigma, turn_sigma) < 0:
             raise InputError(
-                f"{self.where}: carriage_sigma_mm is {sigma:g} and carriage_turn_sigma_deg "
-                f"{turn_sigma:g}, allowed is >= 0"
+                f"{self.where}: carriage_sigma_mm is {sigma / MILLIMETRE:g} and "
+                f"carriage_turn_sigma_deg {turn_sigma / DEGREE:g}, allowed is >= 0"
             )
-        if pose is None:
-            return None
-        return Carriage(
-            pose[0] * MILLIMETRE,
-            pose[1] * MILLIMETRE,
-            pose[2] * DEGREE,
-            sigma * MILLIMETRE,
-            turn_sigma * DEGREE,
-        )
+        return None if pose is None else Carriage(*pose, sigma, turn_sigma)
 
     def name(self, column: str) -> str:
         """Read a short text; return an empty one if there is none."""
@@ -174,13 +160,26 @@ class _Cells:
 
     def count(self, name: str) -> int:
         """Read a whole number from 0; an empty cell is 0."""
-        value = (self.numbers(name) or [0.0])[0]
+        value = self.quantity(name) or 0.0
         if value < 0 or value != int(value):
             raise InputError(f"{self.where}: {name} is {value:g}, allowed is a whole number >= 0")
         return int(value)
 
-    def numbers(self, *names: str) -> list[float] | None:
-        """Read finite numbers from columns that belong together; return None if all are empty."""
+    def quantity(self, name: str) -> float | None:
+        """Read a finite number, in SI units; return None if the cell is empty."""
+        values = self.quantities(name)
+        return None if values is None else values[0]
+
+    def vector(self, name: str) -> tuple[float, float, float] | None:
+        """Read x, y and z, which replace {} in `name`, in SI units; None if all are empty."""
+        values = self.quantities(*map(name.format, "xyz"))
+        return None if values is None else (values[0], values[1], values[2])
+
+    def quantities(self, *names: str) -> list[float] | None:
+        """Read finite numbers of columns that belong together, in SI units; None if all are empty.
+
+        The units are those of the names.
+        """
         texts = [self.row.cells.get(name, "") for name in names]
         if not any(texts):
             return None
@@ -195,5 +194,5 @@ class _Cells:
                     f"{self.where}: {name} is {quoted(text)}, allowed is a finite number, with a "
                     "decimal point"
                 )
-            values.append(value)
+            values.append(value * unit_of(name).factor)
         return values

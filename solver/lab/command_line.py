@@ -53,7 +53,7 @@ from solver.lab.options import (
     open_inputs,
     used_tables,
 )
-from solver.lab.outline import outline
+from solver.lab.outline_command import outline
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.photos_command import photos
 from solver.lab.protocol_report import protocol_report

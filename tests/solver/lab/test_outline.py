@@ -10,7 +10,7 @@ import pytest
 from solver.__main__ import main
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
-from solver.lab.outline import COLUMNS, outline_csv, read_estimates, summary
+from solver.lab.outline_command import COLUMNS, outline_csv, read_estimates, summary
 from solver.outline.fit import Outline, fit_outline
 from tests.command_line import CommandLine
 from tests.solver.outline.test_fit import contacts, errors
