@@ -147,7 +147,10 @@ class _Cells:
                 f"{self.where}: carriage_sigma_mm is {sigma / MILLIMETRE:g} and "
                 f"carriage_turn_sigma_deg {turn_sigma / DEGREE:g}, allowed is >= 0"
             )
-        return None if pose is None else Carriage(*pose, sigma, turn_sigma)
+        if pose is None:
+            return None
+        x, y, turn = pose
+        return Carriage(x, y, turn, sigma, turn_sigma)
 
     def name(self, column: str) -> str:
         """Read a short text; return an empty one if there is none."""
