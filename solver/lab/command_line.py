@@ -33,7 +33,6 @@ from solver.lab.console import (
 from solver.lab.controls import controls_of
 from solver.lab.example import example_rig, next_steps
 from solver.lab.file_findings import file_findings
-from solver.lab.findings import findings
 from solver.lab.help import Command, Group
 from solver.lab.learn_command import learn
 from solver.lab.live import json_line, solve_shots, warm_up
@@ -49,9 +48,7 @@ from solver.lab.options import (
     RigOption,
     SizeOption,
     checked_channel,
-    input_files,
     open_inputs,
-    used_tables,
 )
 from solver.lab.outline_command import outline
 from solver.lab.overlay import OverlayWriter, draw
@@ -112,7 +109,8 @@ def solve(
     _check_command(sources[0])
     function, learn_extractor = find_method(method), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
-    observations, source = open_inputs(sources, rig, readings, channel, controls)
+    inputs = open_inputs(sources, rig, readings, channel, controls)
+    observations, source = inputs.observations, inputs.source
     if method in LEARNING and not observations.frames:
         raise InputError(
             f"method '{method}' learns the beam from images, and a camera or video has none: use "
@@ -121,26 +119,18 @@ def solve(
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
-    read = input_files(observations, sources, rig, readings)
     if target:
-        prepare_output_path(target, read)
+        prepare_output_path(target, inputs.files)
     replaces = target is not None and target.exists()
-    _check_overlay(overlay, source, read)
+    _check_overlay(overlay, source, inputs.files)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
             beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
             antenna = with_learned(antenna, beam)
         warm_up(antenna, function, next(observations.read_rest_images()))
-    contradictions = (
-        ()
-        if quiet
-        else (
-            *file_findings(observations, used_tables(sources, readings)),
-            *findings(antenna),
-        )
-    )
-    show_findings(contradictions, rig or observations.root)
+    contradictions = () if quiet else inputs.findings(antenna)
+    show_findings(contradictions, inputs.rig)
     rows: dict[int, Row] = {}
     interrupted = False
     try:

@@ -15,17 +15,13 @@ from solver.instrument.rig_json import rig_to_json
 from solver.instrument.units import GRAM, MILLIMETRE
 from solver.lab.console import console, setting_up, show_findings
 from solver.lab.controls import NO_CONTROLS
-from solver.lab.file_findings import file_findings
-from solver.lab.findings import findings
 from solver.lab.options import (
     CentrelineOption,
     ChannelOption,
     OtherRigOption,
     PageOption,
     ReadingsOption,
-    input_files,
     open_inputs,
-    used_tables,
 )
 from solver.lab.writing import prepare_output_and_page, write
 from solver.learning.clamp_offset import ObjectRadius
@@ -84,15 +80,15 @@ def learn(
     """
     known = _known_force(known_force, hung_weight)
     learn_extractor = find_extractor(centreline)
-    files, _ = open_inputs(sources, rig, readings, channel, NO_CONTROLS)
+    inputs = open_inputs(sources, rig, readings, channel, NO_CONTROLS)
+    files = inputs.observations
     if not files.frames:
         raise InputError("learn needs images of pushes: save some with the command snap")
     radius = None if object_radius is None else _radius(*object_radius)
-    prepare_output_and_page(out, web_page, input_files(files, sources, rig, readings))
+    prepare_output_and_page(out, web_page, inputs.files)
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
-    of_files = file_findings(files, used_tables(sources, readings))
-    show_findings((*of_files, *findings(antenna)), rig or files.root)
+    show_findings(inputs.findings(antenna), inputs.rig)
     # A weight does not push against the beam's normal.
     hung = {hung_weight[0]} if hung_weight else set()
     images = frames_to_learn([frame for frame in files if frame.frame_id not in hung])

@@ -35,7 +35,7 @@ def rigidity(
     """Estimate EI from a weight that hangs on the beam, in the calibration board's plane."""
     if weight_g == 0 or gravity_m_s2 == 0:
         raise InputError("--weight-g and --gravity-m-s2 must be above 0")
-    observations, source = open_inputs(images, rig, None, None, NO_CONTROLS)
+    observations, source, *_ = open_inputs(images, rig, None, None, NO_CONTROLS)
     if source.live:
         raise InputError("rigidity needs images: save some with the command snap")
     antenna = set_up(observations)
