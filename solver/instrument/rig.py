@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 from solver.instrument.beam import Beam
 from solver.instrument.beam_shape import UNIFORM, BeamShape
 from solver.instrument.board import Board
@@ -86,10 +86,8 @@ class ClampOffset:
     covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
 
     def __post_init__(self) -> None:
-        position = frozen_floats("clamp offset", self.position, (2,))
-        object.__setattr__(self, "position", position)
-        covariance = frozen_floats("covariance of the clamp offset", self.covariance, (2, 2))
-        object.__setattr__(self, "covariance", covariance)
+        freeze(self, "position", (2,), "clamp offset")
+        freeze(self, "covariance", (2, 2), "covariance of the clamp offset")
 
     @property
     def none(self) -> bool:
@@ -149,9 +147,6 @@ class Rig:
         return self.beam.length * (1 - self.shape.clamp_shift)
 
     def __post_init__(self) -> None:
-        base = frozen_floats("base_position", self.base_position, (3,))
-        pose = frozen_floats("antenna_from_board", self.antenna_from_board, (4, 4))
-        sag_in_plane = frozen_floats("sag_in_plane", self.sag_in_plane, (2,))
-        object.__setattr__(self, "base_position", base)
-        object.__setattr__(self, "sag_in_plane", sag_in_plane)
-        object.__setattr__(self, "antenna_from_board", pose)
+        freeze(self, "base_position", (3,))
+        freeze(self, "antenna_from_board", (4, 4))
+        freeze(self, "sag_in_plane", (2,))
