@@ -142,27 +142,24 @@ def _shape_covariance(keys: Keys, name: str) -> Floats:
     return _covariance(keys, name, _MAX_RATIO**2, size, scale=_MAX_RATIO**2)
 
 
-def _has(name: str, absent: str) -> Case:
-    return Case(lambda keys: keys.has(name), absent)
-
-
-def _has_no(name: str, absent: str) -> Case:
-    return Case(lambda keys: not keys.has(name), absent)
-
-
-def _for_board(kind: str) -> Case:
-    return Case(
-        lambda keys: bool(_BOARD_KIND.read(keys) == kind), f"the board is not {kind} (absent)"
-    )
-
-
-_GRAVITY: Final = _has("gravity", "no stated gravity (absent)")
-_FORCE_SENSOR: Final = _has("force_sensor", "no sensor (absent)")
-_MOMENT_SENSOR: Final = _has("moment_sensor", "no sensor (absent)")
-_LEARNED: Final = _has("beam_shape.widths", "the beam was not learned (absent)")
-_STATED: Final = _has_no("beam_shape.widths", "the beam was learned (absent)")
-_MEASURED: Final = _has_no(
-    "base.clamp_offset_covariance_mm2", "always: it is the covariance that is written"
+_GRAVITY: Final = Case(lambda keys: keys.has("gravity"), "no stated gravity (absent)")
+_MOMENT_SENSOR: Final = Case(lambda keys: keys.has("moment_sensor"), "no sensor (absent)")
+_FORCE_SENSOR: Final = Case(lambda keys: keys.has("force_sensor"), "no sensor (absent)")
+_CHARUCO: Final = Case(
+    lambda keys: _BOARD_KIND.read(keys) == "charuco", "the board is not charuco (absent)"
+)
+_LINES: Final = Case(
+    lambda keys: _BOARD_KIND.read(keys) == "lines", "the board is not lines (absent)"
+)
+_LEARNED: Final = Case(
+    lambda keys: keys.has("beam_shape.widths"), "the beam was not learned (absent)"
+)
+_STATED: Final = Case(
+    lambda keys: not keys.has("beam_shape.widths"), "the beam was learned (absent)"
+)
+_MEASURED: Final = Case(
+    lambda keys: not keys.has("base.clamp_offset_covariance_mm2"),
+    "always: it is the covariance that is written",
 )
 _A: Final = "Sigma_a"
 _O: Final = "Sigma_o"
@@ -170,7 +167,7 @@ _SIGMA: Final = "standard deviation"
 _ZERO: Final = "it is 0 (absent)"
 _ANY: Final = f"it is {ANY_LIGHT} (absent)"
 _ON_AXIS: Final = "the clamp is on the axis (absent)"
-_BOARD_KIND: Final = Key(
+_BOARD_KIND: Final[Key] = Key(
     "board.kind", "board.kind", tuple(BOARDS), "chessboard, charuco or lines",
     default="chessboard", look_up=Keys.one_of,
 )  # fmt: skip
@@ -207,9 +204,9 @@ KEYS: Final = (
 
     _BOARD_KIND,
     Key("board.dictionary", "board.dictionary", DICTIONARIES, "dictionary of the markers",
-        look_up=Keys.one_of, case=_for_board("charuco")),
+        look_up=Keys.one_of, case=_CHARUCO),
     Key("board.line_width_mm", "board.line_width", SIZES_MM, "width of the thin lines",
-        case=_for_board("lines")),
+        case=_LINES),
     Key("board.columns", "board.columns", _BOARD_POINTS,
         "number of inner corners or crossings per row", look_up=Keys.count),
     Key("board.rows", "board.rows", _BOARD_POINTS,

@@ -39,6 +39,7 @@ _UNITS: Final = (
     Unit("_px", "px", 1.0),
     Unit("_ms", "ms", 1e-3),
     Unit("_n", "N", 1.0),
+    Unit("_g", "g", GRAM),
     Unit("", "", 1.0),
 )
 

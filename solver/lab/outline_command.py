@@ -54,10 +54,10 @@ def read_estimates(path: Path) -> list[Row]:
     for name in ("frame_id", "outcome"):
         if rows and name not in rows[0].cells:
             raise InputError(f"{path}: the column {name} is missing")
-    return [{name: _cell(f"{path}:{row.line}", name, row) for name in row.cells} for row in rows]
+    return [{name: _cell(name, row) for name in row.cells} for row in rows]
 
 
-def _cell(where: str, name: str, row: CsvRow) -> float | str | None:
+def _cell(name: str, row: CsvRow) -> float | str | None:
     value = row.cells[name]
     if not value or name in _TEXTS:
         return value or None
@@ -66,7 +66,7 @@ def _cell(where: str, name: str, row: CsvRow) -> float | str | None:
     except ValueError:  # a non-numeric extra column
         return value
     if not math.isfinite(number):
-        raise InputError(f"{where}: {name} is {quoted(value)}, allowed is a finite number")
+        row.refuse(f"{name} is {quoted(value)}, allowed is a finite number")
     return number
 
 
