@@ -59,6 +59,23 @@ class Sensors:
 
 
 @dataclass(frozen=True)
+class Light:
+    """Direction of the light: tangents of the angle from the beam between light and camera.
+
+    `slope` is the tangent along the beam, at its middle, positive where the light comes from the
+    tip's side: 0 for a ring about the lens; `slope_sigma` is its sigma. `distance` [m] is the
+    distance of a small lamp from plane C whose direction changes as much along the beam; None if
+    the light is as far away as the camera. `across` is the root mean square of the tangent across
+    the beam.
+    """
+
+    slope: float = 0.0
+    slope_sigma: float = ANY_LIGHT
+    distance: float | None = None
+    across: float = ANY_LIGHT
+
+
+@dataclass(frozen=True)
 class Gravity:
     """Direction of gravity in plane C, along which a hung weight pulls, and its sigma [rad].
 
@@ -106,12 +123,7 @@ class Rig:
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
     is the distance of the tip at rest below plane C due to the beam's weight; `sag_in_plane` (2,)
     [m] is that within plane C, as a vector in Sigma_o along the weight, were it across the beam.
-    `light_slope`
-    is the tangent of the angle, along the beam, between the directions from it to the light and to
-    the camera, at the beam's middle, positive where the light comes from the tip's side: 0 for a
-    ring about the lens. `light_distance` [m] is the distance of a small lamp from plane C whose
-    direction changes as much along the beam; None if the light is as far away as the camera.
-    `light_across` is the root mean square of the light's tangent across the beam. `bits` is the
+    `light` is its direction. `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
     colour image. `shape` is how the beam differs from a uniform one, as stated or learned.
     `gravity` is its direction, which a hung weight needs; None if it is not stated. `clamp_offset`
@@ -131,10 +143,7 @@ class Rig:
     distortion_coefficients: int = 0
     sag: float = 0.0
     sag_in_plane: Floats = field(default_factory=lambda: np.zeros(2))
-    light_slope: float = 0.0
-    light_slope_sigma: float = ANY_LIGHT
-    light_distance: float | None = None
-    light_across: float = ANY_LIGHT
+    light: Light = Light()
     bits: int | None = None
     channel: str = "gray"
     shape: BeamShape = UNIFORM

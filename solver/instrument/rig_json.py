@@ -14,7 +14,7 @@ from solver.instrument.beam_shape import CLAMP_SHIFT, SOFTNESS, BeamShape, state
 from solver.instrument.board import Board
 from solver.instrument.errors import InputError
 from solver.instrument.keys import Keys
-from solver.instrument.rig import ANY_LIGHT, ClampOffset, Gravity, Rig, Sensors, Tolerances
+from solver.instrument.rig import ANY_LIGHT, ClampOffset, Gravity, Light, Rig, Sensors, Tolerances
 from solver.instrument.rig_keys import BOARDS, KEYS, PROJECTIONS, TIP_SIGMA_RADII, length_mm
 from solver.instrument.transforms import rigid, rotation_vector
 from solver.instrument.units import MILLIMETRE, unit_of
@@ -44,16 +44,16 @@ def _in_unit(value: Any, factor: float) -> Any:
 def _parts_of(rig: Rig) -> dict[str, dict[str, Any]]:
     """Return the attributes of the parts of a rig by place, without those that are not written."""
     shape, length = rig.shape, rig.beam.length
-    own = vars(rig) | {"telecentric": PROJECTIONS[rig.telecentric]}
-    if (rig.light_slope, rig.light_slope_sigma) == (0.0, ANY_LIGHT):
-        own |= {"light_slope": None, "light_slope_sigma": None}
+    light = vars(rig.light)
+    if (rig.light.slope, rig.light.slope_sigma) == (0.0, ANY_LIGHT):
+        light = light | {"slope": None, "slope_sigma": None}
     stated = {
         "taper": shape.taper_sigma,
         "softness": shape.sigma(SOFTNESS),
         "clamp_shift": shape.sigma(CLAMP_SHIFT) * length,
     }
     return {
-        "rig": own,
+        "rig": vars(rig) | {"telecentric": PROJECTIONS[rig.telecentric]},
         "beam": vars(rig.beam),
         "tolerances": vars(rig.tolerances),
         "clamp_offset": {} if rig.clamp_offset.none else vars(rig.clamp_offset),
@@ -62,6 +62,7 @@ def _parts_of(rig: Rig) -> dict[str, dict[str, Any]]:
             "translation": rig.antenna_from_board[:3, 3],
             "rotation_vector": rotation_vector(rig.antenna_from_board),
         },
+        "light": light,
         "sensors": vars(rig.sensors),
         "shape": vars(shape) | {"bow_sigma": shape.bow_sigma * length},
         "stated": {} if shape.is_learned else stated,
@@ -88,6 +89,7 @@ def read_rig(path: Path) -> Rig:
         clamp_offset=ClampOffset(**offset),
         board=_board(keys, **parts["board"]),
         antenna_from_board=rigid(**parts["pose"]),
+        light=Light(**parts["light"]),
         sensors=Sensors(**parts["sensors"]),
         shape=_beam_shape(parts, beam.length),
         gravity=Gravity(**parts["gravity"]) if parts["gravity"] else None,
