@@ -33,6 +33,12 @@ compile_fits(pickle.load(sys.stdin.buffer))
 """
 
 
+def is_first_start() -> bool:
+    """Return whether the fits are not compiled yet; False if it cannot be known."""
+    compiled = compiled_functions()
+    return compiled is not None and _LAST_OF_FITS not in compiled
+
+
 @contextlib.contextmanager
 def compile_in_background(rig: Rig) -> Iterator[None]:
     """Compile the fits in a process of their own during this block, unless they are compiled.
@@ -40,8 +46,7 @@ def compile_in_background(rig: Rig) -> Iterator[None]:
     Nothing is done if it cannot be known whether they are. The block's end waits for the process.
     If that fails, they are compiled when they are used.
     """
-    compiled = compiled_functions()
-    if compiled is None or _LAST_OF_FITS in compiled:
+    if not is_first_start():
         yield
         return
     command = [*PYTHON, "-c", _CHILD, json.dumps(sys.path)]

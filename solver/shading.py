@@ -50,13 +50,13 @@ def shading_of(antenna: Antenna, points: Floats, turn: Floats) -> Shading:
     """
     rig, rest = antenna.rig, antenna.rest
     *_, height, w = antenna.calibration.camera.viewpoint
-    gradient = 0.0 if rig.light_distance is None else w / height - 1 / rig.light_distance
+    gradient = 0.0 if rig.light.distance is None else w / height - 1 / rig.light.distance
     x = points[:, 0] - rig.base_position[0]
     moved = points[:, 1] - rest.y_at_clamp - rest.slope * x
-    along = rig.light_slope + gradient * (x - rig.beam.length / 2)
+    along = rig.light.slope + gradient * (x - rig.beam.length / 2)
     size, sine = SHADING * antenna.extract.shading * rig.beam.radius, np.sin(turn)
     shift = size * (gradient * moved * np.cos(turn) - along * sine)
-    errors = np.stack([size * rig.light_slope_sigma * sine, SHADING_SIGMA * shift], axis=1)
+    errors = np.stack([size * rig.light.slope_sigma * sine, SHADING_SIGMA * shift], axis=1)
     return Shading(shift, errors)
 
 
@@ -67,5 +67,5 @@ def axis_sigma(antenna: Antenna) -> float:
     since rest; the place in Sigma_a depends on the axis.
     """
     rig = antenna.rig
-    shift = SHADING * abs(antenna.extract.shading) * rig.light_across
+    shift = SHADING * abs(antenna.extract.shading) * rig.light.across
     return min(shift, MAX_SHADING) * rig.beam.radius

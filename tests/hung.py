@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from solver.instrument.beam_shape import UNIFORM, BeamShape
-from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Gravity
 from tests.simulated import BEAM, columns, measurement
 from vbaa_bench.mechanics.hung import hang
 from vbaa_bench.mechanics.rod import Rod

@@ -6,9 +6,9 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from solver.instrument.gravity import Gravity
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations
+from solver.instrument.rig import Gravity
 from solver.instrument.rig_json import rig_to_json
 from solver.lab.protocol import KNOWN, MIN_LOADS
 

@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -125,6 +126,13 @@ def test_the_world_keeps_to_its_own_tools() -> None:
             if not allowed:
                 wrong.append(f"{path} imports {name}")
     assert wrong == []
+
+
+def test_the_page_of_the_laboratory_lists_its_modules() -> None:
+    folder = ROOT / "solver" / "lab"
+    page = str(ast.get_docstring(tree_of(folder / "__init__.py")))
+    modules_of = {path.stem for path in folder.glob("*.py")} - {"__init__"}
+    assert set(re.findall(r"`(\w+)`", page)) == modules_of
 
 
 def test_each_tree_is_opened_in_one_place() -> None:

@@ -57,7 +57,7 @@ def rungs_of(observations: Observations) -> Sequence[Rung]:
 
 def without_light(rig: Rig) -> Rig:
     """Return a rig whose light comes from the camera: the beam's bright line is its axis."""
-    return replace(rig, light_slope=0.0, light_slope_sigma=0.0, light_distance=None)
+    return replace(rig, light=replace(rig.light, slope=0.0, slope_sigma=0.0, distance=None))
 
 
 def without_nuisances(antenna: Antenna) -> Antenna:

@@ -13,7 +13,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.observation import open_observations
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from solver.lab.outline import read_estimates
+from solver.lab.outline_command import read_estimates
 from solver.outline.contacts import Contacts, contacts_of
 from solver.outline.fit import MIN_CONTACTS, Outline, fit_outline
 from vbaa_bench.dataset.readers import open_truth

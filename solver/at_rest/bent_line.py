@@ -8,8 +8,8 @@ import numpy as np
 from solver.at_rest.rest_line import RestLine
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
-from solver.instrument.dot_products import dot
 from solver.instrument.rig import Rig
+from solver.instrument.small_matrices import dot
 
 # Powers of the distance that describe a bent beam across its direction at the clamp (the first
 # SHORT_TERMS for a short stretch), and the fewest points of such a fit.

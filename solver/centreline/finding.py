@@ -19,8 +19,7 @@ from solver.centreline.noise import Noise
 from solver.centreline.smooth import curve
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 from solver.instrument.medians import median
 
 # Trial contact distances over the beam's length.

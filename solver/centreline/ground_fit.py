@@ -17,8 +17,7 @@ from solver.centreline.profile_fit import MAX_STEPS, TOLERANCE_PX, Fits, fit_pro
 from solver.centreline.stations import Stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, copy_into
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 from solver.instrument.small_matrices import solve_definite
 
 

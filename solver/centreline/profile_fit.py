@@ -17,8 +17,7 @@ from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 
 MAX_STEPS = 5
 TOLERANCE_PX = 1e-4

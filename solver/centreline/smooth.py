@@ -6,10 +6,9 @@ import numpy as np
 
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST, dot
+from solver.instrument.compiled import FAST, njit
 from solver.instrument.medians import SIGMA_OVER_MAD, median
-from solver.instrument.small_matrices import solve_definite
+from solver.instrument.small_matrices import dot, solve_definite
 
 MAX_ITERATIONS = 12
 # A numpy scalar is compiled once, a literal for every value.

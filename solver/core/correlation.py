@@ -3,8 +3,8 @@
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST, dot
+from solver.instrument.compiled import FAST, njit
+from solver.instrument.small_matrices import dot
 
 
 def correlation_length(residual: Floats) -> float:

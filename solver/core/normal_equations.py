@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST, dot
-from solver.instrument.small_matrices import solve_definite
+from solver.instrument.compiled import FAST, njit
+from solver.instrument.small_matrices import dot, solve_definite
 
 
 @njit(fastmath=FAST)

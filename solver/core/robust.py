@@ -3,8 +3,7 @@
 from typing import Final
 
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 from solver.instrument.medians import TUKEY_CUT
 
 VARIANCE_FACTOR: Final = 1 / 0.95

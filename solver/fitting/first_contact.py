@@ -22,10 +22,9 @@ from solver.core.correlation import integrated_correlation
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit
-from solver.instrument.dot_products import dot
 from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
-from solver.instrument.small_matrices import solve_definite
+from solver.instrument.small_matrices import dot, solve_definite
 
 # Number of contact distances on the grid, evenly spaced up to the tip.
 DISTANCES = 50

@@ -16,8 +16,8 @@ from solver.beams.integrated import straight_in_moments
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption
-from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Gravity
 from solver.instrument.transforms import turn_about_z
 from solver.uniform.fit import FrameFit
 from solver.uniform.problem import Problem

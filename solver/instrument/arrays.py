@@ -1,6 +1,4 @@
-"""Array types, a check that returns a read-only copy of an array, and a copy in compiled code."""
-
-from typing import Any
+"""Array types, read-only arrays of frozen dataclasses, and a copy in compiled code."""
 
 import numpy as np
 import numpy.typing as npt
@@ -14,21 +12,23 @@ Mask = npt.NDArray[np.bool_]
 Grey = npt.NDArray[np.uint8 | np.uint16]
 
 
-def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floats:
-    """Return a read-only float64 copy of `values`; None in `shape` allows any length.
+def freeze(owner: object, name: str, shape: tuple[int | None, ...], label: str = "") -> Floats:
+    """Replace an array of a frozen dataclass by a read-only float64 copy; return the copy.
 
-    Raises ValueError if the shape differs or a value is not finite.
+    None in `shape` allows any length. Raises ValueError, which names the array or its `label`, if
+    the shape differs or a value is not finite.
     """
-    array = np.array(values, dtype=np.float64)
+    array = np.array(getattr(owner, name), dtype=np.float64)
     if array.shape != shape and (
         array.ndim != len(shape)
         or any(n not in (None, actual) for n, actual in zip(shape, array.shape, strict=True))
     ):
         allowed = tuple("any" if n is None else n for n in shape)
-        raise ValueError(f"{name} has shape {array.shape}, allowed is {allowed}")
+        raise ValueError(f"{label or name} has shape {array.shape}, allowed is {allowed}")
     if not _finite(array.ravel("K")):
-        raise ValueError(f"{name} holds a value that is not finite")
+        raise ValueError(f"{label or name} holds a value that is not finite")
     array.setflags(write=False)
+    object.__setattr__(owner, name, array)
     return array
 
 

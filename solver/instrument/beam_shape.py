@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 
 # Coefficients of a bow, those of the rest images.
 BOW: Final = 3
@@ -58,15 +58,11 @@ class BeamShape:
     bow_sigma: float = math.inf
 
     def __post_init__(self) -> None:
-        widths = frozen_floats("widths", self.widths, (None,))
-        object.__setattr__(self, "widths", widths)
-        bow = frozen_floats("bow", self.bow, (None,))
-        object.__setattr__(self, "bow", bow)
+        widths, bow = freeze(self, "widths", (None,)), freeze(self, "bow", (None,))
         if len(bow) not in (0, BOW):
             raise ValueError(f"the bow has {len(bow)} coefficients, allowed are none or {BOW}")
         count = FIRST_WIDTH + len(widths) + len(bow)
-        covariance = frozen_floats("covariance", self.covariance, (count, count))
-        object.__setattr__(self, "covariance", covariance)
+        freeze(self, "covariance", (count, count))
         for name in ("softness", "clamp_shift", "skew"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{name} is {getattr(self, name)}, allowed is a finite number")

@@ -1,7 +1,7 @@
 """Calibration targets: printed pattern and coordinates of the points."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -14,6 +14,7 @@ DICTIONARIES: Final = ("4x4_50", "4x4_100", "4x4_250", "4x4_1000")
 class Board:
     """Calibration target of `columns` x `rows` points with spacing `square` [m]."""
 
+    kind: ClassVar[str]
     columns: int
     rows: int
     square: float
@@ -33,6 +34,8 @@ class Board:
 class Chessboard(Board):
     """Chessboard whose upper left square is black; the points are the inner corners."""
 
+    kind = "chessboard"
+
 
 @dataclass(frozen=True)
 class Charuco(Board):
@@ -43,6 +46,7 @@ class Charuco(Board):
     ValueError if the dictionary has too few markers.
     """
 
+    kind = "charuco"
     dictionary: str
 
     def __post_init__(self) -> None:
@@ -67,6 +71,7 @@ class LineNetwork(Board):
     separated.
     """
 
+    kind = "lines"
     line_width: float
 
     def __post_init__(self) -> None:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, Mask, frozen_floats
+from solver.instrument.arrays import Floats, Mask, freeze
 from solver.instrument.distortion import COUNTS, distort, undistort
 from solver.instrument.transforms import apply, invert
 
@@ -44,8 +44,7 @@ class Camera:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        pose = frozen_floats("camera_from_antenna", self.camera_from_antenna, (4, 4))
-        object.__setattr__(self, "camera_from_antenna", pose)
+        freeze(self, "camera_from_antenna", (4, 4))
         coefficients = tuple(float(value) for value in self.distortion)
         object.__setattr__(self, "distortion", coefficients)
         if len(coefficients) not in COUNTS or not all(map(math.isfinite, coefficients)):

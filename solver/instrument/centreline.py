@@ -6,7 +6,7 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 
 
 class Flag(IntEnum):
@@ -45,12 +45,9 @@ class Centreline:
     remark: str = ""
 
     def __post_init__(self) -> None:
-        points = frozen_floats("points", self.points, (None, 2))
-        directions = frozen_floats("directions", self.directions, (len(points), 2))
-        sigma = frozen_floats("sigma", self.sigma, (len(points),))
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "directions", directions)
-        object.__setattr__(self, "sigma", sigma)
+        count = len(freeze(self, "points", (None, 2)))
+        freeze(self, "directions", (count, 2))
+        freeze(self, "sigma", (count,))
 
 
 def down_columns(points: Floats, sigma: Floats) -> Centreline:

@@ -18,6 +18,9 @@ import numba
 
 from solver.instrument.syntax import kept_result, syntax_digests
 
+# Value of the option `fastmath`: reordered sums and fused products let loops run in vector
+# registers; NaN and infinity are still allowed.
+FAST: Final = {"reassoc", "contract", "nsz", "arcp"}
 F = TypeVar("F", bound=Callable[..., Any])
 _SETTINGS: Final = vars(numba.config)
 # A folder that the user has chosen.

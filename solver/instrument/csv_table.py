@@ -2,25 +2,44 @@
 
 import csv
 import io
+import math
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, quoted
 from solver.instrument.hashes import read_bytes
+from solver.instrument.units import unit_of
 
 
 class CsvRow(NamedTuple):
-    """Row of a table: its line number, its cells by column, and the decimal mark of its numbers."""
+    """Row of a table: its file and line, its cells by column, and the decimal mark of numbers."""
 
-    line: int
+    where: str
     cells: dict[str, str]
     decimal_mark: str
+
+    def refuse(self, reason: str) -> NoReturn:
+        """Raise InputError with the place of the row."""
+        raise InputError(f"{self.where}: {reason}")
 
     def number(self, column: str) -> float:
         """Convert a cell to a number. Raises ValueError."""
         return float(self.cells[column].replace(self.decimal_mark, "."))
+
+    def quantity(self, column: str, allowed: str, above: float = -math.inf) -> float:
+        """Convert a cell to SI units, by the unit that its column states.
+
+        Raises InputError, with what is `allowed`, unless it is a finite number above `above`.
+        """
+        try:
+            value = self.number(column)
+        except (KeyError, ValueError):
+            value = math.nan
+        if not above < value < math.inf:
+            self.refuse(f"{column} is {quoted(self.cells.get(column, ''))}, allowed is {allowed}")
+        return value * unit_of(column).factor
 
 
 def csv_rows(path: Path, max_bytes: int | None = None) -> Iterator[CsvRow]:
@@ -40,7 +59,7 @@ def csv_rows(path: Path, max_bytes: int | None = None) -> Iterator[CsvRow]:
                     f"{path}:{reader.line_num}: has more cells than the table has columns; a "
                     "number with a decimal comma is two cells: write decimal points"
                 )
-            yield CsvRow(reader.line_num, row, "." if separator == "," else ",")
+            yield CsvRow(f"{path}:{reader.line_num}", row, "." if separator == "," else ",")
     except csv.Error as error:
         raise InputError(f"{path}:{reader.line_num + 1}: is not CSV ({error})") from error
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 from solver.instrument.quantities import QUANTITIES, QUANTITY_OF
 
 
@@ -157,8 +157,7 @@ class Estimate:
             raise ValueError(f"an estimate holds a value that is not finite: {dict(self.values)}")
         n = len(self.values)
         if self.covariance is not None:
-            covariance = frozen_floats("covariance", self.covariance, (n, n))
-            object.__setattr__(self, "covariance", covariance)
+            freeze(self, "covariance", (n, n))
 
     def sigma(self, name: str) -> float:
         """Return the standard deviation of a value, in the unit given in `name`.

@@ -3,7 +3,7 @@
 import difflib
 import json
 import reprlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NoReturn
@@ -134,12 +134,12 @@ class Keys:
             self.refuse(key, "true or false")
         return value
 
-    def one_of(self, key: str, allowed: Sequence[str | int]) -> Any:
+    def one_of(self, key: str, *allowed: str | int) -> Any:
         """Look up one of the allowed texts or whole numbers."""
         value = self._value(key)
         if isinstance(value, bool) or value not in allowed:
             self.refuse(key, f"one of {', '.join(map(str, allowed))}")
-        return value
+        return allowed[allowed.index(value)]  # 1 where the file has 1.0
 
     def numbers(self, key: str, low: float, high: float, most: int) -> Floats:
         """Look up a list of at most `most` finite numbers (n,) from `low` to `high`."""

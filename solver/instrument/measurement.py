@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 from solver.instrument.compiled import njit
 from solver.instrument.rig import Rig
 from solver.instrument.small_matrices import cholesky, whitening
@@ -26,10 +26,9 @@ class Tip:
     covariance: Floats
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", frozen_floats("tip", self.point, (2,)))
-        covariance = frozen_floats("tip covariance", self.covariance, (2, 2))
+        freeze(self, "point", (2,), "tip")
+        covariance = freeze(self, "covariance", (2, 2), "tip covariance")
         _check_positive_definite("tip covariance", covariance)
-        object.__setattr__(self, "covariance", covariance)
 
 
 @dataclass(frozen=True)
@@ -56,12 +55,11 @@ class RestBow:
     by_weight: Floats = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        for name in ("coefficients", "by_weight"):
-            object.__setattr__(self, name, frozen_floats(name, getattr(self, name), (3,)))
-        for name, size in (("covariance", 5), ("line_covariance", 2)):
-            matrix = frozen_floats(name, getattr(self, name), (size, size))
-            object.__setattr__(self, name, matrix)
-        object.__setattr__(self, "removed", frozen_floats("removed", self.removed, (None, 2)))
+        freeze(self, "coefficients", (3,))
+        freeze(self, "by_weight", (3,))
+        freeze(self, "covariance", (5, 5))
+        freeze(self, "line_covariance", (2, 2))
+        freeze(self, "removed", (None, 2))
 
 
 @dataclass(frozen=True)
@@ -85,15 +83,12 @@ class View:
     shared_errors: Floats = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
-        points = frozen_floats("points", self.points, (None, 2))
-        object.__setattr__(self, "points", points)
-        sigmas = frozen_floats("sigma_vectors", self.sigma_vectors, (len(points), 2))
-        object.__setattr__(self, "sigma_vectors", sigmas)
-        shared = self.shared_errors if np.size(self.shared_errors) else np.empty((len(points), 0))
-        shared = frozen_floats("shared_errors", shared, (len(points), None))
-        object.__setattr__(self, "shared_errors", shared)
-        viewpoint = frozen_floats("viewpoint", self.viewpoint, (4,))
-        object.__setattr__(self, "viewpoint", viewpoint)
+        count = len(freeze(self, "points", (None, 2)))
+        freeze(self, "sigma_vectors", (count, 2))
+        if not np.size(self.shared_errors):
+            object.__setattr__(self, "shared_errors", np.empty((count, 0)))
+        freeze(self, "shared_errors", (count, None))
+        viewpoint = freeze(self, "viewpoint", (4,))
         if viewpoint[2] == 0:
             raise ValueError("the viewpoint is in the calibration plane")
 
@@ -139,13 +134,9 @@ class Measurement:
     errors_are_fitted: bool = False
 
     def __post_init__(self) -> None:
-        base = frozen_floats("base_covariance", self.base_covariance, (3, 3))
-        object.__setattr__(self, "base_covariance", base)
-        _check_positive_definite("base_covariance", base)
-        shift = frozen_floats("image_shift", self.image_shift, (2, 2))
-        object.__setattr__(self, "image_shift", shift)
-        pose = frozen_floats("antenna_from_beam", self.antenna_from_beam, (4, 4))
-        object.__setattr__(self, "antenna_from_beam", pose)
+        _check_positive_definite("base_covariance", freeze(self, "base_covariance", (3, 3)))
+        freeze(self, "image_shift", (2, 2))
+        freeze(self, "antenna_from_beam", (4, 4))
         if not 0 <= self.scale_sigma < math.inf:
             raise ValueError(f"scale_sigma is {self.scale_sigma}, allowed is a finite number >= 0")
         readings = {

@@ -10,9 +10,7 @@ moment of the clamp on the beam, in Sigma_a), carriage_x_mm, carriage_y_mm and c
 carriage_turn_sigma_deg.
 """
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -78,122 +76,103 @@ def read_frames(table: Path) -> Iterator[ImageFrame]:
             similar = similar_name("file_name", [name for name in row.cells if name])
             hint = f"; did you mean it by {quoted(similar)}?" if similar else ""
             raise InputError(f"{table}: the column file_name is missing{hint}")
-        cells = _Cells(f"{table}:{row.line}", row)
-        path = cells.image(table.parent)
-        removed = cells.numbers("removed_from_mm", "removed_to_mm")
+        path = _image(row, table.parent)
+        removed = _quantities(row, "removed_from_mm", "removed_to_mm")
         if removed is not None and removed[0] > removed[1]:
-            raise InputError(
-                f"{cells.where}: removed_from_mm is {removed[0]:g} and removed_to_mm "
-                f"{removed[1]:g}, allowed is from low to high"
+            row.refuse(
+                f"removed_from_mm is {removed[0] / MILLIMETRE:g} and removed_to_mm "
+                f"{removed[1] / MILLIMETRE:g}, allowed is from low to high"
             )
-        force = cells.numbers(*(f"base_force_{axis}_n" for axis in "xyz"))
-        moment = cells.numbers(*(f"base_moment_{axis}_n_mm" for axis in "xyz"))
-        angle = cells.numbers("motor_angle_deg")
-        moment_y = cells.numbers("moment_y_n_mm")
         readings = Readings(
-            motor_angle=None if angle is None else angle[0] * DEGREE,
-            removed=None if removed is None else (removed[0] * MILLIMETRE, removed[1] * MILLIMETRE),
-            moment_y=None if moment_y is None else moment_y[0] * MILLIMETRE,
-            base_force=None if force is None else (force[0], force[1], force[2]),
-            base_moment=None
-            if moment is None
-            else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
-            carriage=cells.carriage(),
+            motor_angle=_quantity(row, "motor_angle_deg"),
+            removed=None if removed is None else (removed[0], removed[1]),
+            moment_y=_quantity(row, "moment_y_n_mm"),
+            base_force=_vector(row, "base_force_{}_n"),
+            base_moment=_vector(row, "base_moment_{}_n_mm"),
+            carriage=_carriage(row),
         )
         yield ImageFrame(
-            frame_id=cells.name("frame_id") or path.stem,
+            frame_id=_name(row, "frame_id") or path.stem,
             path=path,
             readings=readings,
-            push_id=cells.name("push_id"),
-            step=cells.count("step"),
-            split=cells.name("split"),
+            push_id=_name(row, "push_id"),
+            step=_count(row, "step"),
+            split=_name(row, "split"),
         )
 
 
-@dataclass(frozen=True)
-class _Cells:
-    """Row of metadata.csv, and its location for messages."""
-
-    where: str
-    row: CsvRow
-
-    def image(self, folder: Path) -> Path:
-        """Return the path of the row's image, which is in `folder` or a subfolder."""
-        value = self.row.cells.get("file_name")
-        if not value:
-            raise InputError(f"{self.where}: file_name is missing")
-        path = Path(value)
-        if path.is_absolute() or ".." in path.parts:
-            raise InputError(
-                f"{self.where}: file_name is {quoted(value)}, allowed is a file beside the table"
-            )
-        try:
-            exists = (folder / path).is_file()
-            # Links are rare, and resolving every path would take longer than reading the table.
-            parts = [folder / path, *(folder / part for part in path.parents[:-1])]
-            linked = any(part.is_symlink() for part in parts)
-        except OSError:  # an invalid file name
-            exists = linked = False
-        if not exists:
-            raise InputError(f"{self.where}: the image {truncated(path.name)} is missing")
-        if linked and not (folder / path).resolve().is_relative_to(folder.resolve()):
-            raise InputError(
-                f"{self.where}: file_name is {quoted(value)}, a link to another folder, allowed is "
-                "a file beside the table"
-            )
-        return folder / path
-
-    def carriage(self) -> Carriage | None:
-        """Read the pose of a carriage; None if its cells are empty. Sigmas are 0 where empty."""
-        pose = self.numbers("carriage_x_mm", "carriage_y_mm", "carriage_turn_deg")
-        (sigma,) = self.numbers("carriage_sigma_mm") or [0.0]
-        (turn_sigma,) = self.numbers("carriage_turn_sigma_deg") or [0.0]
-        if min(sigma, turn_sigma) < 0:
-            raise InputError(
-                f"{self.where}: carriage_sigma_mm is {sigma:g} and carriage_turn_sigma_deg "
-                f"{turn_sigma:g}, allowed is >= 0"
-            )
-        if pose is None:
-            return None
-        return Carriage(
-            pose[0] * MILLIMETRE,
-            pose[1] * MILLIMETRE,
-            pose[2] * DEGREE,
-            sigma * MILLIMETRE,
-            turn_sigma * DEGREE,
+def _image(row: CsvRow, folder: Path) -> Path:
+    """Return the path of the row's image, which is in `folder` or a subfolder."""
+    value = row.cells.get("file_name")
+    if not value:
+        row.refuse("file_name is missing")
+    path = Path(value)
+    if path.is_absolute() or ".." in path.parts:
+        row.refuse(f"file_name is {quoted(value)}, allowed is a file beside the table")
+    try:
+        exists = (folder / path).is_file()
+        # Links are rare, and resolving every path would take longer than reading the table.
+        parts = [folder / path, *(folder / part for part in path.parents[:-1])]
+        linked = any(part.is_symlink() for part in parts)
+    except OSError:  # an invalid file name
+        exists = linked = False
+    if not exists:
+        row.refuse(f"the image {truncated(path.name)} is missing")
+    if linked and not (folder / path).resolve().is_relative_to(folder.resolve()):
+        row.refuse(
+            f"file_name is {quoted(value)}, a link to another folder, allowed is a file beside the "
+            "table"
         )
+    return folder / path
 
-    def name(self, column: str) -> str:
-        """Read a short text; return an empty one if there is none."""
-        value = self.row.cells.get(column, "")
-        if len(value) > MAX_NAME_LENGTH:
-            raise InputError(
-                f"{self.where}: {column} has {len(value)} characters, allowed are {MAX_NAME_LENGTH}"
-            )
-        return value
 
-    def count(self, name: str) -> int:
-        """Read a whole number from 0; an empty cell is 0."""
-        value = (self.numbers(name) or [0.0])[0]
-        if value < 0 or value != int(value):
-            raise InputError(f"{self.where}: {name} is {value:g}, allowed is a whole number >= 0")
-        return int(value)
+def _carriage(row: CsvRow) -> Carriage | None:
+    """Read the pose of a carriage; None if its cells are empty. Sigmas are 0 where empty."""
+    pose = _quantities(row, "carriage_x_mm", "carriage_y_mm", "carriage_turn_deg")
+    sigma = _quantity(row, "carriage_sigma_mm") or 0.0
+    turn_sigma = _quantity(row, "carriage_turn_sigma_deg") or 0.0
+    if min(sigma, turn_sigma) < 0:
+        row.refuse(
+            f"carriage_sigma_mm is {sigma / MILLIMETRE:g} and carriage_turn_sigma_deg "
+            f"{turn_sigma / DEGREE:g}, allowed is >= 0"
+        )
+    if pose is None:
+        return None
+    x, y, turn = pose
+    return Carriage(x, y, turn, sigma, turn_sigma)
 
-    def numbers(self, *names: str) -> list[float] | None:
-        """Read finite numbers from columns that belong together; return None if all are empty."""
-        texts = [self.row.cells.get(name, "") for name in names]
-        if not any(texts):
-            return None
-        values = []
-        for name, text in zip(names, texts, strict=True):
-            try:
-                value = self.row.number(name)
-            except (KeyError, ValueError):
-                value = math.nan
-            if not math.isfinite(value):
-                raise InputError(
-                    f"{self.where}: {name} is {quoted(text)}, allowed is a finite number, with a "
-                    "decimal point"
-                )
-            values.append(value)
-        return values
+
+def _name(row: CsvRow, column: str) -> str:
+    """Read a short text; return an empty one if there is none."""
+    value = row.cells.get(column, "")
+    if len(value) > MAX_NAME_LENGTH:
+        row.refuse(f"{column} has {len(value)} characters, allowed are {MAX_NAME_LENGTH}")
+    return value
+
+
+def _count(row: CsvRow, column: str) -> int:
+    """Read a whole number from 0; an empty cell is 0."""
+    value = _quantity(row, column) or 0.0
+    if value < 0 or value != int(value):
+        row.refuse(f"{column} is {value:g}, allowed is a whole number >= 0")
+    return int(value)
+
+
+def _quantity(row: CsvRow, column: str) -> float | None:
+    """Read a finite number, in SI units; return None if the cell is empty."""
+    values = _quantities(row, column)
+    return None if values is None else values[0]
+
+
+def _vector(row: CsvRow, column: str) -> tuple[float, float, float] | None:
+    """Read x, y and z, which replace {} in `column`, in SI units; None if all are empty."""
+    values = _quantities(row, *map(column.format, "xyz"))
+    return None if values is None else (values[0], values[1], values[2])
+
+
+def _quantities(row: CsvRow, *columns: str) -> list[float] | None:
+    """Read finite numbers of columns that belong together, in SI units; None if all are empty."""
+    if not any(row.cells.get(column) for column in columns):
+        return None
+    allowed = "a finite number, with a decimal point"
+    return [row.quantity(column, allowed) for column in columns]

@@ -3,22 +3,24 @@
 import itertools
 from typing import Final, NamedTuple
 
-from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.instrument.units import unit_of
 
 
 class Column(NamedTuple):
-    """Table column of a quantity; `unit` is the column's unit expressed in SI."""
+    """Table column of a quantity, whose name states its unit."""
 
     name: str
-    unit: float
+
+    @property
+    def unit(self) -> float:
+        """Unit of the column, expressed in SI."""
+        return unit_of(self.name).factor
 
     @property
     def sigma_name(self) -> str:
         """Name of the standard deviation's column, such as x_c_sigma_mm."""
-        for suffix in ("_mm_per_n", "_n_per_m", "_mm", "_deg", "_n"):
-            if self.name.endswith(suffix):
-                return f"{self.name.removesuffix(suffix)}_sigma{suffix}"
-        return f"{self.name}_sigma"
+        suffix = unit_of(self.name).suffix
+        return f"{self.name.removesuffix(suffix)}_sigma{suffix}"
 
 
 _POINTS: Final = tuple(itertools.product(("antenna", "world"), "xyz"))
@@ -33,29 +35,26 @@ _POINTS: Final = tuple(itertools.product(("antenna", "world"), "xyz"))
 # Coulomb's friction coefficient; the radius of the object, 0 for an edge; and the motor angle at
 # first contact.
 QUANTITIES: Final[dict[str, Column]] = {
-    "x_c_m": Column("x_c_mm", MILLIMETRE),
-    "y_c_m": Column("y_c_mm", MILLIMETRE),
-    "s_c_m": Column("s_c_mm", MILLIMETRE),
-    "force_n": Column("force_n", 1.0),
-    "f_n": Column("f_n", 1.0),
-    "theta_c_rad": Column("theta_c_deg", DEGREE),
-    "psi_rad": Column("psi_deg", DEGREE),
-    **{f"contact_{f}_{a}_m": Column(f"contact_{f}_{a}_mm", MILLIMETRE) for f, a in _POINTS},
-    **{f"force_{a}_n": Column(f"force_{a}_n", 1.0) for a in "xyz"},
-    **{f"displacement_{a}_m": Column(f"displacement_{a}_mm", MILLIMETRE) for a in "yz"},
-    "second_s_c_m": Column("second_s_c_mm", MILLIMETRE),
-    "second_force_n": Column("second_force_n", 1.0),
-    **{
-        f"second_contact_antenna_{a}_m": Column(f"second_contact_antenna_{a}_mm", MILLIMETRE)
-        for a in "xyz"
-    },
-    **{f"second_force_{a}_n": Column(f"second_force_{a}_n", 1.0) for a in "xyz"},
-    "compliance_m_per_n": Column("compliance_mm_per_n", MILLIMETRE),
-    "stiffness_n_per_m": Column("stiffness_n_per_m", 1.0),
-    "friction": Column("friction", 1.0),
-    "object_radius_m": Column("object_radius_mm", MILLIMETRE),
-    "onset_angle_rad": Column("onset_angle_deg", DEGREE),
-    "motor_angle_rad": Column("motor_angle_deg", DEGREE),
+    "x_c_m": Column("x_c_mm"),
+    "y_c_m": Column("y_c_mm"),
+    "s_c_m": Column("s_c_mm"),
+    "force_n": Column("force_n"),
+    "f_n": Column("f_n"),
+    "theta_c_rad": Column("theta_c_deg"),
+    "psi_rad": Column("psi_deg"),
+    **{f"contact_{f}_{a}_m": Column(f"contact_{f}_{a}_mm") for f, a in _POINTS},
+    **{f"force_{a}_n": Column(f"force_{a}_n") for a in "xyz"},
+    **{f"displacement_{a}_m": Column(f"displacement_{a}_mm") for a in "yz"},
+    "second_s_c_m": Column("second_s_c_mm"),
+    "second_force_n": Column("second_force_n"),
+    **{f"second_contact_antenna_{a}_m": Column(f"second_contact_antenna_{a}_mm") for a in "xyz"},
+    **{f"second_force_{a}_n": Column(f"second_force_{a}_n") for a in "xyz"},
+    "compliance_m_per_n": Column("compliance_mm_per_n"),
+    "stiffness_n_per_m": Column("stiffness_n_per_m"),
+    "friction": Column("friction"),
+    "object_radius_m": Column("object_radius_mm"),
+    "onset_angle_rad": Column("onset_angle_deg"),
+    "motor_angle_rad": Column("motor_angle_deg"),
 }
 # Inverse mapping: column name to SI name.
 QUANTITY_OF: Final = {column.name: name for name, column in QUANTITIES.items()}

@@ -4,19 +4,15 @@ Tolerances are one-sigma; methods use them as priors. The rig is stored as `rig.
 the keys; all values in memory are in SI units.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 from solver.instrument.beam import Beam
 from solver.instrument.beam_shape import UNIFORM, BeamShape
 from solver.instrument.board import Board
-from solver.instrument.clamp_offset import (
-    ON_AXIS,
-    ClampOffset,
-)
-from solver.instrument.gravity import Gravity
 
 # Chosen far beyond any antenna, from a nanotube to a mast: only mistakes in the unit or in typing
 # are rejected, and no product of these values overflows.
@@ -63,6 +59,60 @@ class Sensors:
 
 
 @dataclass(frozen=True)
+class Light:
+    """Direction of the light: tangents of the angle from the beam between light and camera.
+
+    `slope` is the tangent along the beam, at its middle, positive where the light comes from the
+    tip's side: 0 for a ring about the lens; `slope_sigma` is its sigma. `distance` [m] is the
+    distance of a small lamp from plane C whose direction changes as much along the beam; None if
+    the light is as far away as the camera. `across` is the root mean square of the tangent across
+    the beam.
+    """
+
+    slope: float = 0.0
+    slope_sigma: float = ANY_LIGHT
+    distance: float | None = None
+    across: float = ANY_LIGHT
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Direction of gravity in plane C, along which a hung weight pulls, and its sigma [rad].
+
+    `direction` is the angle in Sigma_o from x towards y. Raises ValueError if a value is not finite
+    or the sigma is negative.
+    """
+
+    direction: float
+    sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.direction) and 0 <= self.sigma < math.inf):
+            raise ValueError(f"gravity is {self.direction} +- {self.sigma}, allowed is finite")
+
+
+@dataclass(frozen=True)
+class ClampOffset:
+    """Position (2,) [m] of the clamp relative to the motor's axis, in x and y of Sigma_a.
+
+    `covariance` (2, 2) [m^2] is its uncertainty. By default the clamp is on the axis (the paper's
+    assumption 4). Raises ValueError if a shape is wrong or a value is not finite.
+    """
+
+    position: Floats = field(default_factory=lambda: np.zeros(2))
+    covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
+
+    def __post_init__(self) -> None:
+        freeze(self, "position", (2,), "clamp offset")
+        freeze(self, "covariance", (2, 2), "covariance of the clamp offset")
+
+    @property
+    def none(self) -> bool:
+        """Whether the clamp is certainly on the axis."""
+        return not (self.position.any() or self.covariance.any())
+
+
+@dataclass(frozen=True)
 class Rig:
     """Nominal beam, clamp position (3,) [m] in Sigma_a, board of view 0, its pose, tolerances.
 
@@ -73,12 +123,7 @@ class Rig:
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
     is the distance of the tip at rest below plane C due to the beam's weight; `sag_in_plane` (2,)
     [m] is that within plane C, as a vector in Sigma_o along the weight, were it across the beam.
-    `light_slope`
-    is the tangent of the angle, along the beam, between the directions from it to the light and to
-    the camera, at the beam's middle, positive where the light comes from the tip's side: 0 for a
-    ring about the lens. `light_distance` [m] is the distance of a small lamp from plane C whose
-    direction changes as much along the beam; None if the light is as far away as the camera.
-    `light_across` is the root mean square of the light's tangent across the beam. `bits` is the
+    `light` is its direction. `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
     colour image. `shape` is how the beam differs from a uniform one, as stated or learned.
     `gravity` is its direction, which a hung weight needs; None if it is not stated. `clamp_offset`
@@ -98,15 +143,12 @@ class Rig:
     distortion_coefficients: int = 0
     sag: float = 0.0
     sag_in_plane: Floats = field(default_factory=lambda: np.zeros(2))
-    light_slope: float = 0.0
-    light_slope_sigma: float = ANY_LIGHT
-    light_distance: float | None = None
-    light_across: float = ANY_LIGHT
+    light: Light = Light()
     bits: int | None = None
     channel: str = "gray"
     shape: BeamShape = UNIFORM
     gravity: Gravity | None = None
-    clamp_offset: ClampOffset = ON_AXIS
+    clamp_offset: ClampOffset = ClampOffset()
 
     @property
     def free_length(self) -> float:
@@ -114,9 +156,6 @@ class Rig:
         return self.beam.length * (1 - self.shape.clamp_shift)
 
     def __post_init__(self) -> None:
-        base = frozen_floats("base_position", self.base_position, (3,))
-        pose = frozen_floats("antenna_from_board", self.antenna_from_board, (4, 4))
-        sag_in_plane = frozen_floats("sag_in_plane", self.sag_in_plane, (2,))
-        object.__setattr__(self, "base_position", base)
-        object.__setattr__(self, "sag_in_plane", sag_in_plane)
-        object.__setattr__(self, "antenna_from_board", pose)
+        freeze(self, "base_position", (3,))
+        freeze(self, "antenna_from_board", (4, 4))
+        freeze(self, "sag_in_plane", (2,))

@@ -1,4 +1,4 @@
-"""Small matrices in compiled code.
+"""Small matrices and dot products in compiled code.
 
 numba's wrappers of LAPACK take seconds to compile and longer than a small system to run.
 """
@@ -8,7 +8,16 @@ import math
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
+from solver.instrument.compiled import FAST, njit
+
+
+@njit(fastmath=FAST)
+def dot(a: Floats, b: Floats) -> float:
+    """Compute the dot product of `a` (n,) with the first n entries of `b`."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
 
 
 @njit

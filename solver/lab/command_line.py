@@ -14,8 +14,7 @@ import cv2
 import typer
 from rich.console import Console
 
-from solver.centreline.extractors import EXTRACTORS, find_extractor
-from solver.instrument.by_name import ELSEWHERE
+from solver.centreline.extractors import find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import FORMATS, png_bytes
 from solver.instrument.observation import frames_beside, open_rig_files, rig_file, tables_beside
@@ -34,23 +33,24 @@ from solver.lab.console import (
 from solver.lab.controls import controls_of
 from solver.lab.example import example_rig, next_steps
 from solver.lab.file_findings import file_findings
-from solver.lab.findings import findings
 from solver.lab.help import Command, Group
-from solver.lab.input_options import (
+from solver.lab.learn_command import learn
+from solver.lab.live import json_line, solve_shots, warm_up
+from solver.lab.options import (
+    BeamOption,
+    CentrelineOption,
     ChannelOption,
     ControlOption,
     ExposureOption,
+    JsonOption,
+    MethodOption,
     OtherRigOption,
     ReadingsOption,
     RigOption,
     SizeOption,
     checked_channel,
-    input_files,
     open_inputs,
-    used_tables,
 )
-from solver.lab.learn_command import learn
-from solver.lab.live import json_line, solve_shots, warm_up
 from solver.lab.outline_command import outline
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.photos_command import photos
@@ -62,7 +62,7 @@ from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import check_no_input, prepare_output_path, write
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
-from solver.methods import LEARNING, METHODS
+from solver.methods import LEARNING
 from solver.methods.by_name import find_method, with_beam
 from solver.set_up import set_up
 
@@ -83,16 +83,9 @@ def solve(
         typer.Argument(help="observations folder; or images, a video, a camera, with --rig"),
     ],
     rig: OtherRigOption = None,
-    method: Annotated[
-        str, typer.Option(help=f"{', '.join(METHODS)}, or {ELSEWHERE}")
-    ] = "exact_fit",
-    centreline: Annotated[
-        str, typer.Option(help=f"{', '.join(EXTRACTORS)}, or {ELSEWHERE}")
-    ] = "profile_fit",
-    beam: Annotated[
-        str | None,
-        typer.Option(help=f"beam of your own for the method: {ELSEWHERE}", show_default=False),
-    ] = None,
+    method: MethodOption = "exact_fit",
+    centreline: CentrelineOption = "profile_fit",
+    beam: BeamOption = None,
     readings: ReadingsOption = None,
     out: Annotated[
         Path | None,
@@ -118,7 +111,8 @@ def solve(
     _check_command(sources[0])
     function, learn_extractor = with_beam(find_method(method), beam), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
-    observations, source = open_inputs(sources, rig, readings, channel, controls)
+    inputs = open_inputs(sources, rig, readings, channel, controls)
+    observations, source = inputs.observations, inputs.source
     if method in LEARNING and not observations.frames:
         raise InputError(
             f"method '{method}' learns the beam from images, and a camera or video has none: use "
@@ -127,26 +121,18 @@ def solve(
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
-    read = input_files(observations, sources, rig, readings)
     if target:
-        prepare_output_path(target, read)
+        prepare_output_path(target, inputs.files)
     replaces = target is not None and target.exists()
-    _check_overlay(overlay, source, read)
+    _check_overlay(overlay, source, inputs.files)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
             learned = learn_from_frames(antenna, frames_to_learn(observations.frames))
             antenna = with_learned(antenna, learned)
         warm_up(antenna, function, next(observations.read_rest_images()))
-    contradictions = (
-        ()
-        if quiet
-        else (
-            *file_findings(observations, used_tables(sources, readings)),
-            *findings(antenna),
-        )
-    )
-    show_findings(contradictions, rig or observations.root)
+    contradictions = () if quiet else inputs.findings(antenna)
+    show_findings(contradictions, inputs.rig)
     rows: dict[int, Row] = {}
     interrupted = False
     try:
@@ -181,7 +167,7 @@ def _show(rows: list[Row], method: str, where: str, accuracy: Sequence[str]) -> 
     Console().print(table(rows, method))
     count = f"{len(rows)} estimate{'' if len(rows) == 1 else 's'}"
     for line in (*reasons(rows), *accuracy, f"{count} in {where}"):
-        Console(soft_wrap=True).print(line, markup=False)
+        print(line)
 
 
 def _check_overlay(overlay: Path | None, source: Source, read: Sequence[Path]) -> None:
@@ -212,19 +198,13 @@ def demo(
     """Estimate the forces in six images of the example rig; say how to go on with a camera."""
     example = example_rig()
     solve([str(example)], out=out / "estimates.csv", overlay=out)
-    Console(soft_wrap=True).print(
-        f"overlays in {out}{os.sep}*.png: all dots must be on the beam\n{next_steps(example)}",
-        markup=False,
-        highlight=False,
-    )
+    print(f"overlays in {out}{os.sep}*.png: all dots must be on the beam\n{next_steps(example)}")
 
 
 @app.command()
 def warm(
     rig: RigOption,
-    method: Annotated[
-        str, typer.Option(help=f"{', '.join(METHODS)}, or {ELSEWHERE}")
-    ] = "exact_fit",
+    method: MethodOption = "exact_fit",
 ) -> None:
     """Compile all code that a frame needs, so that the next start takes seconds."""
     function, observations = find_method(method), open_rig_files(rig)
@@ -295,7 +275,7 @@ def check(
             "wrong, and compares the estimates with balance and ruler"
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
+    json: JsonOption = False,
 ) -> None:
     """Report the quality of the calibration and of the rest images; exit with 1 after a warning.
 

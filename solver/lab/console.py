@@ -13,6 +13,7 @@ from rich.progress import MofNCompleteColumn, Progress
 from rich.status import Status
 from rich.table import Table
 
+from solver.first_start import is_first_start
 from solver.instrument.compiled import compiled_functions
 from solver.instrument.errors import printable
 from solver.instrument.estimate import Outcome
@@ -29,15 +30,15 @@ console = Console(stderr=True, highlight=False, soft_wrap=True)
 LEARNED_FORCE = 0.01
 # Reasons that are shown. Chosen: some contain numbers and differ in each frame.
 _MAX_REASONS = 6
-# Number of functions that a first start compiles (measured; methods differ by a few).
-FUNCTIONS = 87
 
 
 @contextmanager
 def setting_up(quiet: bool) -> Iterator[None]:
-    """Show that the rig is calibrated and, at a first start, how many functions are compiled."""
-    compiled = compiled_functions()
-    if quiet or compiled is None or len(compiled) >= FUNCTIONS // 2:
+    """Show that the rig is calibrated and, at a first start, how many functions are compiled.
+
+    Their total depends on the method and is not known beforehand.
+    """
+    if quiet or not is_first_start():
         with nullcontext() if quiet else console.status("calibrating"):
             yield
         return
@@ -45,12 +46,11 @@ def setting_up(quiet: bool) -> Iterator[None]:
     with Progress(
         *Progress.get_default_columns(), MofNCompleteColumn(), console=console
     ) as progress:
-        task = progress.add_task("first start: compiling", total=FUNCTIONS)
+        task = progress.add_task("first start: compiling for a minute or two", total=None)
 
         def follow() -> None:
             while not done.wait(0.5):
-                count = len(compiled_functions() or ())
-                progress.update(task, completed=min(count, FUNCTIONS - 1))
+                progress.update(task, completed=len(compiled_functions() or ()))
 
         watcher = threading.Thread(target=follow, daemon=True)
         watcher.start()
@@ -59,7 +59,8 @@ def setting_up(quiet: bool) -> Iterator[None]:
         finally:
             done.set()
             watcher.join()
-        progress.update(task, completed=FUNCTIONS)
+        count = len(compiled_functions() or ())
+        progress.update(task, completed=count, total=count)
 
 
 @contextmanager

@@ -5,29 +5,25 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import typer
-from rich.console import Console
 from rich.progress import track
 from scipy.constants import g
 
-from solver.centreline.extractors import EXTRACTORS, find_extractor
-from solver.instrument.by_name import ELSEWHERE
+from solver.centreline.extractors import find_extractor
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.rig_json import rig_to_json
 from solver.instrument.units import GRAM, MILLIMETRE
 from solver.lab.console import console, setting_up, show_findings
 from solver.lab.controls import NO_CONTROLS
-from solver.lab.file_findings import file_findings
-from solver.lab.findings import findings
-from solver.lab.input_options import (
+from solver.lab.options import (
+    CentrelineOption,
     ChannelOption,
     OtherRigOption,
+    PageOption,
     ReadingsOption,
-    input_files,
     open_inputs,
-    used_tables,
 )
-from solver.lab.writing import prepare_output_path, write
+from solver.lab.writing import prepare_output_and_page, write
 from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import frames_to_learn, learn_from_frames, measurement_of
 from solver.learning.known_force import rig_with_force
@@ -49,9 +45,7 @@ def learn(
     rig: OtherRigOption = None,
     readings: ReadingsOption = None,
     channel: ChannelOption = None,
-    centreline: Annotated[
-        str, typer.Option(help=f"{', '.join(EXTRACTORS)}, or {ELSEWHERE}")
-    ] = "profile_fit",
+    centreline: CentrelineOption = "profile_fit",
     known_force: Annotated[
         tuple[str, float, float] | None,
         typer.Option(
@@ -75,9 +69,7 @@ def learn(
             metavar="MM SIGMA",
         ),
     ] = None,
-    web_page: Annotated[
-        Path | None, typer.Option("--page", help="HTML page with pictures to write")
-    ] = None,
+    web_page: PageOption = None,
 ) -> None:
     """Learn the beam and its clamp from pushes against unknown objects, by images alone.
 
@@ -88,19 +80,15 @@ def learn(
     """
     known = _known_force(known_force, hung_weight)
     learn_extractor = find_extractor(centreline)
-    files, _ = open_inputs(sources, rig, readings, channel, NO_CONTROLS)
+    inputs = open_inputs(sources, rig, readings, channel, NO_CONTROLS)
+    files = inputs.observations
     if not files.frames:
         raise InputError("learn needs images of pushes: save some with the command snap")
     radius = None if object_radius is None else _radius(*object_radius)
-    if web_page and web_page.resolve() == out.resolve():
-        raise InputError(f"--out and --page are both {out}, allowed are two files")
-    read = input_files(files, sources, rig, readings)
-    for path in filter(None, (out, web_page)):
-        prepare_output_path(path, read)
+    prepare_output_and_page(out, web_page, inputs.files)
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
-    of_files = file_findings(files, used_tables(sources, readings))
-    show_findings((*of_files, *findings(antenna)), rig or files.root)
+    show_findings(inputs.findings(antenna), inputs.rig)
     # A weight does not push against the beam's normal.
     hung = {hung_weight[0]} if hung_weight else set()
     images = frames_to_learn([frame for frame in files if frame.frame_id not in hung])
@@ -119,9 +107,7 @@ def learn(
     if web_page:
         write(web_page, page(beam, learned, files.rig).encode())
     written = f"{out} and {web_page}" if web_page else f"{out}"
-    Console(highlight=False, soft_wrap=True).print(
-        f"{summary(beam, learned, files.rig)}\nwritten to {written}", markup=False
-    )
+    print(f"{summary(beam, learned, files.rig)}\nwritten to {written}")
 
 
 def _say_left_out(frame: ImageFrame, reason: str) -> None:

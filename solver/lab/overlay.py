@@ -7,20 +7,33 @@ from typing import Any, Final, NamedTuple, Self
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from solver.antenna import Antenna
-from solver.instrument.arrays import Floats
+from solver.centreline import Centreline, Flag
+from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
-from solver.instrument.images import FORMATS
+from solver.instrument.images import FORMATS, eight_bit
 from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
-from solver.lab.drawing import SHIFT, TIP, Colour, Picture, enlarged, mark, place
 from solver.lab.live import FrameResult
 from solver.to_measurement import to_measurement
 from solver.tracker import FrameSolution
 
+Picture = npt.NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+# Colours in the order blue, green, red. They are those of the benchmark's report.
+MEASURED: Final = (20, 232, 255)
+REJECTED: Final = {
+    Flag.HIDDEN: (255, 107, 47),
+    Flag.SATURATED: (0, 74, 255),
+    Flag.FOREIGN: (240, 28, 240),
+}
+TIP: Final = (255, 245, 60)
 CONTACT: Final = (60, 60, 255)
 FORCE: Final = (60, 150, 255)
+_SHIFT: Final = 4  # OpenCV draws at sixteenths of a pixel
 WIDTH = 1000  # smaller images are enlarged by a whole number to about this [px]
 _FOURCC: Final = {".mp4": "mp4v", ".m4v": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "MJPG"}
 
@@ -28,17 +41,17 @@ _FOURCC: Final = {".mp4": "mp4v", ".m4v": "mp4v", ".mov": "mp4v", ".avi": "MJPG"
 def draw(antenna: Antenna, given: FrameResult) -> Picture:
     """Draw measured points and estimates on the image; return a BGR picture (height, width, 3).
 
-    Points are marked as described in `drawing.py`; the tip is a light blue ring, the estimated
-    contact a red one. The arrow is the object's force on the beam; its length increases with the
-    force and never exceeds a quarter of the height. Raises InputError if the shot has no
-    image.
+    Measured points are yellow dots, rejected ones blue (hidden), orange (saturated) or purple
+    (foreign). The tip is a light blue ring, the estimated contact a red one. The arrow is the
+    object's force on the beam; its length increases with the force and never exceeds a quarter of
+    the height. Raises InputError if the shot has no image.
     """
     image = given.shot.grey()
     factor = max(1, round(WIDTH / image.shape[1]))
-    picture = enlarged(image, factor)
+    picture = _enlarged(image, factor)
     line = given.solved.line
     if line is not None:
-        mark(picture, line, factor)
+        _mark(picture, line, factor)
         if line.tip is not None:
             _ring(picture, line.tip, factor, TIP)
     contact = contact_in_image(antenna, given.solved, given.shot.readings.motor_angle)
@@ -114,8 +127,34 @@ def _arrow_px(antenna: Antenna, solved: FrameSolution, height: int) -> float:
     return height / 4 * force / (force + reference_force)
 
 
+def _enlarged(image: Grey, factor: int) -> Picture:
+    """Convert an image to BGR and enlarge it by the whole number `factor`."""
+    large = eight_bit(image).repeat(factor, axis=0).repeat(factor, axis=1)
+    return np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+
+
+def _place(point: Floats, factor: int) -> tuple[int, int]:
+    """Map a pixel of the image to the enlarged picture, in 2^-_SHIFT px, clipped at 10^6."""
+    scaled = (np.asarray(point) + 0.5) * factor - 0.5
+    u, v = np.clip(np.rint(scaled * 2**_SHIFT), -1e6, 1e6)
+    return int(u), int(v)
+
+
+def _mark(picture: Any, line: Centreline, factor: int) -> None:
+    """Draw measured and rejected points as dots."""
+    _dots(picture, line.points, factor, MEASURED)
+    for flag, colour in REJECTED.items():
+        _dots(picture, line.rejected[line.flags == flag], factor, colour)
+
+
+def _dots(picture: Any, points: Floats, factor: int, colour: Colour) -> None:
+    radius = round(0.25 * factor * 2**_SHIFT)
+    for point in points:
+        cv2.circle(picture, _place(point, factor), radius, colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+
+
 def _ring(picture: Any, point: Floats, factor: int, colour: Colour) -> None:
-    cv2.circle(picture, place(point, factor), 9 << SHIFT, colour, 2, cv2.LINE_AA, SHIFT)
+    cv2.circle(picture, _place(point, factor), 9 << _SHIFT, colour, 2, cv2.LINE_AA, _SHIFT)
 
 
 def _arrow(picture: Any, point: Floats, direction: Floats, factor: int, length: float) -> None:
@@ -126,12 +165,12 @@ def _arrow(picture: Any, point: Floats, direction: Floats, factor: int, length: 
     head = point - direction * 12 / factor
     cv2.arrowedLine(
         picture,
-        place(tail, factor),
-        place(head, factor),
+        _place(tail, factor),
+        _place(head, factor),
         FORCE,
         2,
         cv2.LINE_AA,
-        SHIFT,
+        _SHIFT,
         min(0.3, 10 / length),
     )
 

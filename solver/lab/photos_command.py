@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import track
 
-from solver.instrument.errors import InputError
 from solver.lab.console import console
+from solver.lab.options import JsonOption, PageOption
 from solver.lab.photos_page import page
 from solver.lab.photos_table import json_line, summary, table_text
-from solver.lab.writing import prepare_output_path, write
+from solver.lab.writing import prepare_output_and_page, write
 from solver.photographs.photo_set import Photograph
 from solver.photographs.photos_json import FILE, read_photos
 from solver.photographs.solve import solve_photos
@@ -21,18 +20,13 @@ from solver.photographs.solve import solve_photos
 def photos(
     folder: Annotated[Path, typer.Argument(help="folder of photographs, with photos.json")],
     out: Annotated[Path, typer.Option(help="CSV to write")] = Path("photos.csv"),
-    web_page: Annotated[
-        Path | None, typer.Option("--page", help="HTML page with pictures to write")
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
+    web_page: PageOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Estimate loads and EI from photographs of one beam, from any poses and without a board."""
     photo_set = read_photos(folder)
-    if web_page and web_page.resolve() == out.resolve():
-        raise InputError(f"--out and --page are both {out}, allowed are two files")
     read = (folder / FILE, *(one.path for one in photo_set.photographs))
-    for path in filter(None, (out, web_page)):
-        prepare_output_path(path, read)
+    prepare_output_and_page(out, web_page, read)
 
     def progress(items: Iterable[Photograph]) -> Iterable[Photograph]:
         # A mistake in an image gives one sentence, and no bar before it in a log.
@@ -43,9 +37,4 @@ def photos(
     write(out, table_text(answer).encode())
     if web_page:
         write(web_page, page(answer).encode())
-    if json:
-        print(json_line(answer))
-    else:
-        Console(highlight=False, soft_wrap=True).print(
-            f"{summary(answer)}\nwritten to {out}", markup=False
-        )
+    print(json_line(answer) if json else f"{summary(answer)}\nwritten to {out}")

@@ -3,44 +3,37 @@
 import json
 from typing import Any, Final
 
-from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE, PERCENT
-from solver.lab.table import csv_text
+from solver.instrument.quantities import Column
+from solver.instrument.units import PERCENT, unit_of
+from solver.lab.table import Row, csv_text
 from solver.photographs.answer import Value
 from solver.photographs.solve import PhotosAnswer
 
-# Names of the values: of the column, of that of its sigma, and the unit.
+# Columns of the values of a photograph, and of those that photographs share.
 _VALUES: Final = {
-    "s_c_m": ("s_c_mm", "s_c_sigma_mm", MILLIMETRE),
-    "x_c_m": ("x_c_mm", "x_c_sigma_mm", MILLIMETRE),
-    "y_c_m": ("y_c_mm", "y_c_sigma_mm", MILLIMETRE),
-    "force_n": ("force_n", "force_sigma_n", 1.0),
-    "force_over_rigidity_per_m2": (
-        "force_over_rigidity_per_mm2",
-        "force_over_rigidity_sigma_per_mm2",
-        1 / MILLIMETRE**2,
-    ),
-    "clamp_tilt_rad": ("clamp_tilt_deg", "clamp_tilt_sigma_deg", DEGREE),
-    "view_a_rad": ("view_a_deg", "view_a_sigma_deg", DEGREE),
-    "view_b_rad": ("view_b_deg", "view_b_sigma_deg", DEGREE),
+    "s_c_m": Column("s_c_mm"),
+    "x_c_m": Column("x_c_mm"),
+    "y_c_m": Column("y_c_mm"),
+    "force_n": Column("force_n"),
+    "force_over_rigidity_per_m2": Column("force_over_rigidity_per_mm2"),
+    "clamp_tilt_rad": Column("clamp_tilt_deg"),
+    "view_a_rad": Column("view_a_deg"),
+    "view_b_rad": Column("view_b_deg"),
 }
 _SHARED: Final = {
-    "flexural_rigidity_n_m2": (
-        "flexural_rigidity_n_mm2",
-        "flexural_rigidity_sigma_n_mm2",
-        NEWTON_SQUARE_MILLIMETRE,
-    ),
-    "length_m": ("length_mm", "length_sigma_mm", MILLIMETRE),
-    "bow_m": ("bow_mm", "bow_sigma_mm", MILLIMETRE),
-    "focal_length_px": ("focal_length_px", "focal_length_sigma_px", 1.0),
+    "flexural_rigidity_n_m2": Column("flexural_rigidity_n_mm2"),
+    "length_m": Column("length_mm"),
+    "bow_m": Column("bow_mm"),
+    "focal_length_px": Column("focal_length_px"),
 }
-# Names and units of the shared values in text.
+# Names of the shared values in text.
 _LABELS: Final = {
-    "flexural_rigidity_n_m2": ("EI at the clamp", " N mm^2"),
-    "length_m": ("free length", " mm"),
-    "bow_m": ("bow of the tip at rest", " mm"),
-    "focal_length_px": ("focal length", " px"),
-    "k1": ("lens distortion k1", ""),
-    "clamp_softness": ("softness of the clamp", ""),
+    "flexural_rigidity_n_m2": "EI at the clamp",
+    "length_m": "free length",
+    "bow_m": "bow of the tip at rest",
+    "focal_length_px": "focal length",
+    "k1": "lens distortion k1",
+    "clamp_softness": "softness of the clamp",
 }
 _SHARES: Final = {"s_c_m": "s_c_view_share_pct", "force_n": "force_view_share_pct"}
 COLUMNS: Final = (
@@ -48,14 +41,12 @@ COLUMNS: Final = (
     "kind",
     "outcome",
     "message",
-    *(name for column in _VALUES.values() for name in column[:2]),
+    *(name for column in _VALUES.values() for name in (column.name, column.sigma_name)),
     *_SHARES.values(),
     "chi2",
     "dof",
     "rejected",
 )
-
-Row = dict[str, str | float | int | None]
 
 
 def rows_of(answer: PhotosAnswer) -> list[Row]:
@@ -73,7 +64,7 @@ def rows_of(answer: PhotosAnswer) -> list[Row]:
             rejected=one.rejected,
         )
         for name, value in one.values.items():
-            row.update(_cells(value, *_VALUES[name]))
+            row.update(_cells(value, _VALUES[name]))
             if name in _SHARES:
                 row[_SHARES[name]] = value.view_share / PERCENT
         rows.append(row)
@@ -84,16 +75,19 @@ def shared_row(answer: PhotosAnswer) -> dict[str, float]:
     """Return what all photographs share, by column."""
     cells: dict[str, float] = {}
     for name, value in answer.shared.items():
-        cells.update(_cells(value, *_shared_names(name)))
+        cells.update(_cells(value, _shared_column(name)))
     return cells
 
 
-def _shared_names(name: str) -> tuple[str, str, float]:
-    return _SHARED.get(name, (name, f"{name}_sigma", 1.0))
+def _shared_column(name: str) -> Column:
+    return _SHARED.get(name, Column(name))
 
 
-def _cells(value: Value, name: str, sigma_name: str, unit: float) -> dict[str, float]:
-    return {name: float(value.value / unit), sigma_name: float(value.sigma / unit)}
+def _cells(value: Value, column: Column) -> dict[str, float]:
+    return {
+        column.name: float(value.value / column.unit),
+        column.sigma_name: float(value.sigma / column.unit),
+    }
 
 
 def table_text(answer: PhotosAnswer) -> str:
@@ -127,7 +121,9 @@ def summary(answer: PhotosAnswer) -> str:
     if answer.shared:
         lines.append("Of all photographs:")
     for name, value in answer.shared.items():
-        label, unit = _LABELS.get(name, (name.replace("width_", "width coefficient "), ""))
-        of_value, of_sigma = _cells(value, *_shared_names(name)).values()
-        lines.append(f"    {label}: {of_value:.6g} +- {of_sigma:.2g}{unit}")
+        label = _LABELS.get(name, name.replace("width_", "width coefficient "))
+        column = _shared_column(name)
+        of_value, of_sigma = _cells(value, column).values()
+        line = f"    {label}: {of_value:.6g} +- {of_sigma:.2g} {unit_of(column.name).text}"
+        lines.append(line.rstrip())
     return "\n".join([*lines, *(f"- {note}" for note in answer.notes)])

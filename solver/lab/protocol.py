@@ -23,7 +23,7 @@ from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import image_files, image_head
 from solver.instrument.observation import Observations, frames_beside, open_rig_files
 from solver.instrument.rig import Rig
-from solver.instrument.units import GRAM, MILLIMETRE
+from solver.instrument.units import MILLIMETRE
 from solver.lab.findings import Finding
 
 Load = Literal["push", "weight"]
@@ -93,32 +93,23 @@ def read_known(folder: Path) -> tuple[list[KnownLoad], list[Finding]]:
 
 
 def _known_load(folder: Path, row: CsvRow) -> KnownLoad:
-    where = f"{folder / KNOWN}:{row.line}"
-
     def positive(name: str) -> float:
-        text = row.cells.get(name, "")
-        try:
-            value = row.number(name)
-        except (KeyError, ValueError):
-            value = math.nan
-        if not 0 < value < math.inf:
-            raise InputError(f"{where}: {name} is {quoted(text)}, allowed is a number above 0")
-        return value
+        return row.quantity(name, "a number above 0", above=0.0)
 
     name, kind = row.cells.get("file_name", ""), row.cells.get("load", "")
     load = next((one for one in LOADS if one == kind), None)
     if load is None:
-        raise InputError(f"{where}: load is {quoted(kind)}, allowed is one of {', '.join(LOADS)}")
+        row.refuse(f"load is {quoted(kind)}, allowed is one of {', '.join(LOADS)}")
     if not name or Path(name).name != name or not (folder / "images" / name).is_file():
-        raise InputError(f"{where}: file_name is {quoted(name)}, allowed is a file in images/")
+        row.refuse(f"file_name is {quoted(name)}, allowed is a file in images/")
     weighed = load == "weight" or bool(row.cells.get("mass_g"))
     return KnownLoad(
         name,
         load,
-        positive("distance_mm") * MILLIMETRE,
-        positive("distance_sigma_mm") * MILLIMETRE,
-        positive("mass_g") * GRAM if weighed else None,
-        positive("mass_sigma_g") * GRAM if weighed else 0.0,
+        positive("distance_mm"),
+        positive("distance_sigma_mm"),
+        positive("mass_g") if weighed else None,
+        positive("mass_sigma_g") if weighed else 0.0,
     )
 
 

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 from scipy.constants import g
 
 from solver.instrument.arrays import Grey
@@ -14,7 +13,7 @@ from solver.instrument.measurement import Measurement
 from solver.instrument.observation import rig_file
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.lab.controls import NO_CONTROLS
-from solver.lab.input_options import RigOption, open_inputs
+from solver.lab.options import RigOption, open_inputs
 from solver.learning.hung_rigidity import HungWeight, flexural_rigidity
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
@@ -36,7 +35,7 @@ def rigidity(
     """Estimate EI from a weight that hangs on the beam, in the calibration board's plane."""
     if weight_g == 0 or gravity_m_s2 == 0:
         raise InputError("--weight-g and --gravity-m-s2 must be above 0")
-    observations, source = open_inputs(images, rig, None, None, NO_CONTROLS)
+    observations, source, *_ = open_inputs(images, rig, None, None, NO_CONTROLS)
     if source.live:
         raise InputError("rigidity needs images: save some with the command snap")
     antenna = set_up(observations)
@@ -62,8 +61,7 @@ def rigidity(
     )
     value, sigma = result.value / NEWTON_SQUARE_MILLIMETRE, result.sigma / NEWTON_SQUARE_MILLIMETRE
     nominal = observations.rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE
-    output = Console(highlight=False, soft_wrap=True)
-    output.print(
+    print(
         f"EI = {value:.5g} +- {sigma:.2g} N mm^2 ({100 * sigma / value:.2g} %), "
         f"{100 * (value / nominal - 1):+.2f} % from the rig's {nominal:.5g}; "
         f"+- {100 * result.known_shape_sigma / result.value:.2g} % if taper and clamp were known.\n"
@@ -74,6 +72,5 @@ def rigidity(
         f'    "flexural_rigidity_n_mm2": {value:.6g},\n'
         f'    "flexural_rigidity_sigma_n_mm2": {sigma:.3g},\n'
         "and under beam_shape, for forces in this plane only, whose EI is now known, write\n"
-        '    "rigidity_sigma": 0,',
-        markup=False,
+        '    "rigidity_sigma": 0,'
     )

@@ -26,6 +26,15 @@ def prepare_output_path(path: Path, inputs: Iterable[Path] = ()) -> None:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from error
 
 
+def prepare_output_and_page(out: Path, page: Path | None, inputs: Iterable[Path]) -> None:
+    """Prepare the paths of an output and of its page, if there is one, as `prepare_output_path`."""
+    if page and page.resolve() == out.resolve():
+        raise InputError(f"--out and --page are both {out}, allowed are two files")
+    read = tuple(inputs)
+    for path in filter(None, (out, page)):
+        prepare_output_path(path, read)
+
+
 def check_no_input(path: Path, inputs: Iterable[Path]) -> None:
     """Raise InputError if an output path is one of the files `inputs`, or a folder with one."""
     if not path.exists():

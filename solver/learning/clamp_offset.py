@@ -26,9 +26,8 @@ from solver.core.least_squares import Fit, Rows, fit_rows
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.push_joint import RADIUS_SIGMA
 from solver.instrument.arrays import Floats
-from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.measurement import Measurement
-from solver.instrument.rig import Rig
+from solver.instrument.rig import ClampOffset, Rig
 from solver.instrument.transforms import turn_about_z
 from solver.methods.exact_fit import exact_fit
 

@@ -42,9 +42,9 @@ from solver.fitting.uniform_estimate import uniform_estimate
 from solver.fitting.unknown_friction import with_unknown_friction
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import CLAMP_SHIFT
-from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.instrument.rig import ClampOffset
 from solver.methods.exact_fit import exact_fit
 
 # Uncertainty of the object's compliance over the beam's own before the fit. Chosen: friction, which

@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape_json import read_beam_shape
 from solver.instrument.images import CHANNELS
 from solver.instrument.keys import Keys
 from solver.instrument.rig import MAX_POSITION_MM, RIGIDITIES_N_MM2, SIZES_MM
-from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
+from solver.instrument.rig_json import read_beam_shape
+from solver.instrument.units import DEGREE, MILLIMETRE, unit_of
 from solver.photographs.photo_set import (
     DOWN_SIGMA,
     KINDS,
@@ -47,7 +47,7 @@ def read_photos(folder: Path) -> PhotoSet:
     """
     key = Keys.read(folder / FILE)
     names = key.items("photos", 1, MOST_PHOTOS)
-    length = _stated(key, "beam.length", "mm", *SIZES_MM, MILLIMETRE)
+    length = _stated(key, "beam.length", "mm", *SIZES_MM)
     photographs = tuple(_photograph(key, name, folder, length.value) for name in names)
     files = [photograph.path for photograph in photographs]
     for name, path in zip(names, files, strict=True):
@@ -58,9 +58,9 @@ def read_photos(folder: Path) -> PhotoSet:
         photographs=photographs,
         length=length,
         rigidity=_rigidity(key),
-        shape=read_beam_shape(key, length.value),
+        shape=read_beam_shape(key),
         down=_down(key, hung),
-        channel=key.one_of("channel", CHANNELS) if key.has("channel") else "gray",
+        channel=key.one_of("channel", *CHANNELS) if key.has("channel") else "gray",
         focal=_stated(key, "camera.focal_length", "px", *_FOCAL_PX)
         if key.has("camera.focal_length_px")
         else None,
@@ -74,10 +74,9 @@ def read_photos(folder: Path) -> PhotoSet:
     return photos
 
 
-def _stated(
-    key: Keys, name: str, suffix: str, low: float, high: float, unit: float = 1.0
-) -> Stated:
+def _stated(key: Keys, name: str, suffix: str, low: float, high: float) -> Stated:
     """Read `name`_`suffix` and `name`_sigma_`suffix`."""
+    unit = unit_of(f"{name}_{suffix}").factor
     value = key.number(f"{name}_{suffix}", low, high)
     return Stated(value * unit, key.number(f"{name}_sigma_{suffix}", 0, high) * unit)
 
@@ -89,8 +88,7 @@ def _angle(key: Keys, name: str, most: float, default: float) -> float:
 def _rigidity(key: Keys) -> Stated | None:
     if not key.has("beam.flexural_rigidity_n_mm2"):
         return None
-    unit = NEWTON_SQUARE_MILLIMETRE
-    return _stated(key, "beam.flexural_rigidity", "n_mm2", *RIGIDITIES_N_MM2, unit)
+    return _stated(key, "beam.flexural_rigidity", "n_mm2", *RIGIDITIES_N_MM2)
 
 
 def _down(key: Keys, hung: bool) -> Stated:
@@ -135,9 +133,7 @@ def _load(key: Keys, name: str, length: float) -> PhotoLoad:
         for value, unit in (("force", "n"), ("at", "mm"))
     )
     return PhotoLoad(
-        kind=key.one_of(f"{name}.kind", KINDS),
+        kind=key.one_of(f"{name}.kind", *KINDS),
         force=_stated(key, f"{name}.force", "n", *_FORCES_N) if force else None,
-        place=_stated(key, f"{name}.at", "mm", 0, length / MILLIMETRE, MILLIMETRE)
-        if place
-        else None,
+        place=_stated(key, f"{name}.at", "mm", 0, length / MILLIMETRE) if place else None,
     )

@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.instrument.arrays import Floats, copy_into
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 from solver.instrument.medians import SIGMA_OVER_MAD
 
 Image = npt.NDArray[np.float32]

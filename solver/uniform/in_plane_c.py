@@ -13,8 +13,7 @@ import numpy as np
 
 from solver.beams.exact import BEND_GENTLE, BEND_STEEP, GENTLE, STEEP, bend_at
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 from solver.uniform.residuals import (
     DX,
     DY,

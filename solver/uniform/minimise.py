@@ -13,8 +13,8 @@ from solver.core.least_squares import (
 )
 from solver.core.robust import tukey
 from solver.instrument.arrays import Floats, copy_into
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST, dot
+from solver.instrument.compiled import FAST, njit
+from solver.instrument.small_matrices import dot
 from solver.uniform.constraints import add_constraints
 from solver.uniform.in_plane_c import plane_equations
 from solver.uniform.residuals import (

@@ -31,8 +31,7 @@ from solver.beams.exact import (
 )
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 
 Q, LEVER, PSI, DX, DY, TILT, STRETCH, RIGIDITY = range(8)
 PARAMETERS: Final = 8

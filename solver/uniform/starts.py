@@ -9,8 +9,7 @@ import numpy as np
 
 from solver.core.least_squares import DEFICIENT
 from solver.instrument.arrays import Floats, copy_into
-from solver.instrument.compiled import njit
-from solver.instrument.dot_products import FAST
+from solver.instrument.compiled import FAST, njit
 from solver.uniform.minimise import minimise
 from solver.uniform.residuals import (
     LEVER,

@@ -12,7 +12,7 @@ from solver.fitting.frame_problem import frame_problem_of
 from solver.fitting.rigid_object import friction_sign_of
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.beam_shape import stated_shape
-from solver.instrument.clamp_offset import ClampOffset
+from solver.instrument.rig import ClampOffset
 from solver.instrument.transforms import rigid
 from solver.uniform.problem import problem_of
 from tests.simulated import columns

@@ -10,9 +10,8 @@ import numpy.typing as npt
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.estimate import Estimate
-from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement, View
-from solver.instrument.rig import Rig, Sensors
+from solver.instrument.rig import Gravity, Rig, Sensors
 from tests.draws import generator
 from tests.inclined import on_plane_c
 from tests.simulated import BEAM, columns, rig

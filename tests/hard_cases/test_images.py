@@ -16,9 +16,9 @@ from solver.antenna import Antenna
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.gravity import Gravity
 from solver.instrument.images import read_grey
 from solver.instrument.observation import open_observations
+from solver.instrument.rig import Gravity
 from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker

@@ -14,6 +14,7 @@ from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Light
 from solver.instrument.transforms import invert
 from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
@@ -102,7 +103,7 @@ def test_the_shading_moves_by_this_share_of_the_radius() -> None:
 def test_shading_that_turns_with_the_beam_is_taken_off(slope: float) -> None:
     """Light from the tip's side moves a section's middle to where its normal turns from."""
     lab = bowed(np.zeros(3))
-    lab = replace(lab, rig=replace(lab.rig, light_slope=slope, light_slope_sigma=0.2))
+    lab = replace(lab, rig=replace(lab.rig, light=Light(slope, 0.2)))
     straight = bent(0.4, 0.7)
     tangent = np.gradient(straight, axis=0)
     turn = np.arctan2(tangent[:, 1], tangent[:, 0])
@@ -131,7 +132,9 @@ def test_light_across_the_beam_hides_its_axis(across: float, expected: float) ->
     lab = bowed(np.zeros(3))
     line = down_columns(GUIDE.pixels(bent(0.2, 0.7)), np.full(len(bent(0.2, 0.7)), 0.01))
     dark, lit = (
-        exact_fit(to_measurement(replace(lab, rig=replace(lab.rig, light_across=light)), line))
+        exact_fit(
+            to_measurement(replace(lab, rig=replace(lab.rig, light=Light(across=light))), line)
+        )
         for light in (0.0, across)
     )
     assert lit.values == dark.values
@@ -147,7 +150,7 @@ def test_shading_that_moves_with_the_beam_below_a_lamp_is_taken_off(distance: fl
     lab = bowed(np.zeros(3))
     radius = 2e-3
     beam = replace(lab.rig.beam, diameter=2 * radius)
-    rig_below = replace(lab.rig, beam=beam, light_slope_sigma=0.0, light_distance=distance)
+    rig_below = replace(lab.rig, beam=beam, light=Light(0.0, 0.0, distance))
     lab = replace(lab, rig=rig_below)
     straight = bent(0.4, 0.7)
     tangent = np.gradient(straight, axis=0)

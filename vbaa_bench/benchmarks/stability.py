@@ -35,9 +35,8 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.board import Chessboard
 from solver.instrument.estimate import Estimate
-from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement, View
-from solver.instrument.rig import Rig, Sensors, Tolerances
+from solver.instrument.rig import Gravity, Rig, Sensors, Tolerances
 from solver.methods import Method
 from solver.tracker import run_method
 from vbaa_bench.mechanics.planar import push

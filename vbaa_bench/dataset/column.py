@@ -10,6 +10,8 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
+from solver.instrument.units import unit_of
+
 
 class Kind(Enum):
     """What a column holds, and how a message says so; VECTOR is a list of three numbers."""
@@ -55,23 +57,6 @@ class Column(NamedTuple):
     presence: Presence = Presence.OPTIONAL
 
 
-# Longest suffix first. A name without one of them is a number without unit or a text.
-_UNITS: Final = {
-    "_n_mm2": "N mm^2",
-    "_mm_per_n": "mm/N",
-    "_n_per_m": "N/m",
-    "_pct_L": "% of L",
-    "_n_mm": "N mm",
-    "_n_m": "N/m",
-    "_pct": "%",
-    "_deg": "deg",
-    "_mpa": "MPa",
-    "_mm": "mm",
-    "_px": "px",
-    "_ms": "ms",
-    "_n": "N",
-}
-
 CLAMP: Final = "clamp"
 SIGMA_A: Final = "Sigma_a"
 SIGMA_D: Final = "Sigma_d"
@@ -85,12 +70,7 @@ def markdown(columns: Mapping[str, Column]) -> str:
     """Describe columns as a table of Markdown: name, unit, frame, meaning and null."""
     lines = ["| name | unit | frame | meaning | null |", "|---|---|---|---|---|"]
     for name, column in columns.items():
-        cells = (f"`{name}`", unit(name), column.frame, column.meaning, column.null)
+        cells = (f"`{name}`", unit_of(name).text, column.frame, column.meaning, column.null)
         texts = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
         lines.append(f"| {' | '.join(texts)} |")
     return "\n".join(lines)
-
-
-def unit(name: str) -> str:
-    """Return the unit that a name states by its suffix; empty if it states none."""
-    return next((text for suffix, text in _UNITS.items() if name.endswith(suffix)), "")

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from solver.instrument.rig_keys import KEYS
 from vbaa_bench.dataset.column import (
     ALONG_X,
     CLAMP,
@@ -253,132 +254,9 @@ TRUE_RIG: Final = {
     "camera.distortion": Column("distortion coefficients, in OpenCV's order; empty without"),
 }
 
-_STRIP: Final = "the beam is no flat strip (absent)"
-_WIRE: Final = "it is that of drawn wire in a chuck (absent)"
-_NO_GRAVITY: Final = "no stated gravity (absent)"
-_NOT_LEARNED: Final = "the beam was not learned (absent)"
-_ON_AXIS: Final = "the clamp is on the axis (absent)"
-_SIGMA: Final = "standard deviation"
-
-# Keys of rig.json, written by `rig_to_json`; solver/README.md explains how to measure them.
+# Keys of rig.json; solver/README.md explains how to measure them.
 RIG: Final = {
-    "beam.length_mm": Column("nominal length, clamp to tip"),
-    "beam.length_sigma_mm": Column(f"{_SIGMA} of the length"),
-    "beam.tip_sigma_mm": Column(
-        f"{_SIGMA} of the apparent end of the bent beam, less that at rest"
-    ),
-    "beam.diameter_mm": Column("nominal diameter"),
-    "beam.flexural_rigidity_n_mm2": Column("nominal EI"),
-    "beam.flexural_rigidity_sigma_n_mm2": Column(f"{_SIGMA} of EI"),
-    "beam.deflects_towards": Column("side of y to which contact bends the beam: 1 or -1", SIGMA_A),
-    "beam.sag_mm": Column("distance of the tip at rest below plane C", SIGMA_A, "it is 0 (absent)"),
-    "beam.sag_in_plane_mm": Column(
-        "the same within plane C, along the weight (x, y)", "Sigma_o", "it is 0 (absent)"
-    ),
-    "beam.known_psi_deg": Column("inclination of the only plane of bending", SIGMA_A, _STRIP),
-    "base.position_mm": Column("nominal position of the clamp (x, y, z)", SIGMA_A),
-    "base.position_sigma_mm": Column(f"{_SIGMA} of each coordinate", SIGMA_A),
-    "base.clamp_offset_mm": Column(
-        "position of the clamp relative to the motor's axis (x, y)", SIGMA_A, _ON_AXIS
-    ),
-    "base.clamp_offset_covariance_mm2": Column("covariance of this position", SIGMA_A, _ON_AXIS),
-    "board.kind": Column("chessboard, charuco or lines"),
-    "board.dictionary": Column(
-        "dictionary of the markers", "", "the board is not charuco (absent)"
-    ),
-    "board.line_width_mm": Column("width of the thin lines", "", "the board is not lines (absent)"),
-    "board.columns": Column("number of inner corners or crossings per row"),
-    "board.rows": Column("number of inner corners or crossings per column"),
-    "board.square_mm": Column("spacing of these points"),
-    "board.antenna_from_board_translation_mm": Column(
-        "nominal position of the pattern's middle in view 0", SIGMA_A
-    ),
-    "board.antenna_from_board_rotation_vector_deg": Column("nominal rotation in view 0", SIGMA_A),
-    "board.translation_sigma_mm": Column(f"{_SIGMA} of each coordinate", SIGMA_A),
-    "board.rotation_sigma_deg": Column(f"{_SIGMA} of the rotation about each axis", SIGMA_A),
-    "encoder.sigma_deg": Column(f"{_SIGMA} of the motor angle"),
-    "light.slope": Column(
-        "tangent, along the beam, between the directions to the light and to the camera", SIGMA_A
-    ),
-    "light.slope_sigma": Column(f"{_SIGMA} of this tangent", SIGMA_A),
-    "light.distance_mm": Column(
-        "distance from plane C of a small lamp whose direction changes as much along the beam"
-    ),
-    "light.across": Column(
-        "root mean square tangent, across the beam, between these two directions", SIGMA_A
-    ),
-    "camera.projection": Column("perspective or telecentric"),
-    "camera.mount": Column("antenna: turns with the motor; world: fixed"),
-    "camera.distortion_coefficients": Column("number of distortion coefficients: 0, 5 or 8"),
-    "camera.camera_shift_sigma_px": Column(
-        f"{_SIGMA} of undetected image shifts", "image", "it is 0 (absent)"
-    ),
-    "camera.bits": Column("bit depth of the gray values", "", "found from the images (absent)"),
-    "camera.channel": Column("channel read from colour images", "", "it is gray (absent)"),
-    "gravity.direction_deg": Column(
-        "direction of gravity, from x towards y", "Sigma_o", _NO_GRAVITY
-    ),
-    "gravity.direction_sigma_deg": Column(f"{_SIGMA} of this direction", "", _NO_GRAVITY),
-    "beam_shape.taper_sigma": Column(
-        f"{_SIGMA} of the tip's width over that at the clamp, less one", "", _WIRE
-    ),
-    "beam_shape.section_sigma": Column(
-        f"{_SIGMA} of the section's second axis over its first, less one", "", _WIRE
-    ),
-    "beam_shape.friction_sigma": Column(
-        f"{_SIGMA} of the coefficient of friction of objects", "", _WIRE
-    ),
-    "beam_shape.bow_sigma_mm": Column(
-        f"{_SIGMA} of the tip's distance from the clamp's tangent at rest",
-        "",
-        "only the rest images show it (absent)",
-    ),
-    "beam_shape.rigid_objects": Column(
-        "whether objects do not yield, and the motor only pushes on", "", "they may (absent)"
-    ),
-    "beam_shape.friction_coefficient": Column(
-        "coefficient of friction of rigid objects", "", "it is not known (absent)"
-    ),
-    "beam_shape.clamp_softness_sigma": Column(
-        f"{_SIGMA} of the clamp's rotation over its moment, in units of L / EI", "", _WIRE
-    ),
-    "beam_shape.clamp_shift_sigma_mm": Column(
-        f"{_SIGMA} of where the beam begins to bend, beyond the clamp's position",
-        "",
-        "it is 0 (absent)",
-    ),
-    "beam_shape.widths": Column(
-        "coefficients of the width over that at the clamp", "", _NOT_LEARNED
-    ),
-    "beam_shape.clamp_softness": Column(
-        "rotation of the clamp over its moment, in units of L / EI", "", _NOT_LEARNED
-    ),
-    "beam_shape.clamp_shift": Column(
-        "place where the beam begins to bend, beyond the clamp's position, over the length",
-        "",
-        _NOT_LEARNED,
-    ),
-    "beam_shape.skew_rad": Column(
-        "angle from the plane of the force to that of the deflection, as psi", "", _NOT_LEARNED
-    ),
-    "beam_shape.bow": Column(
-        "coefficients of s^2, s^3, s^4 of the line at rest, over the length", "", _NOT_LEARNED
-    ),
-    "beam_shape.covariance": Column(
-        "covariance of clamp_softness, clamp_shift, skew_rad, widths and bow", "", _NOT_LEARNED
-    ),
-    "beam_shape.rigidity_sigma": Column(
-        f"relative {_SIGMA} of EI due to the section's direction",
-        "",
-        "it follows from section_sigma (absent)",
-    ),
-    "moment_sensor.sigma_n_mm": Column(f"{_SIGMA} of the moment", "", "no sensor (absent)"),
-    "force_sensor.force_sigma_n": Column(
-        f"{_SIGMA} of each force component", "", "no sensor (absent)"
-    ),
-    "force_sensor.moment_sigma_n_mm": Column(
-        f"{_SIGMA} of each moment component", "", "no sensor (absent)"
-    ),
+    key.name: Column(key.meaning, key.frame, key.absent or key.case.absent) for key in KEYS
 }
 
 # Columns of rigs.csv. Made by `rig_row`.

@@ -12,7 +12,7 @@ from typing import Any, Final
 import polars as pl
 
 from solver.instrument.files import sha256
-from vbaa_bench.dataset.column import unit
+from solver.instrument.units import unit_of
 from vbaa_bench.dataset.document import read_json
 from vbaa_bench.exports.card import DATA_LICENCE_URL, SUMMARY
 from vbaa_bench.exports.columns import VECTORS, description
@@ -211,7 +211,7 @@ def extract(files: str, **selection: str) -> Node:
 def meaning(name: str) -> str:
     """Describe a column in one line."""
     column = description(name)
-    parts = [column.meaning or name, f"[{unit(name)}]" if unit(name) else ""]
+    parts = [column.meaning or name, f"[{unit_of(name).text}]" if unit_of(name).text else ""]
     parts += [f"(frame: {column.frame})" if column.frame else ""]
     parts += [f"(null: {column.null})" if column.null else ""]
     return " ".join(filter(None, parts))

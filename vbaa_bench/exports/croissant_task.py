@@ -6,7 +6,7 @@ folder tasks; Benjelloun et al., arXiv 2605.29786, 2026).
 
 from typing import Final
 
-from vbaa_bench.dataset.column import unit
+from solver.instrument.units import unit_of
 from vbaa_bench.exports.croissant_document import CONTEXT, TYPES, Node
 from vbaa_bench.scoring.score_columns import PREDICTIONS
 from vbaa_bench.scoring.scored_quantities import X_C
@@ -58,7 +58,9 @@ def task(dataset: str) -> Node:
             "@id": f"predictions/{name}",
             "name": name,
             "description": " ".join(
-                filter(None, (column.meaning, f"[{unit(name)}]" if unit(name) else ""))
+                filter(
+                    None, (column.meaning, f"[{unit_of(name).text}]" if unit_of(name).text else "")
+                )
             ),
             "dataType": TYPES[column.kind.dtype],
         }
@@ -69,7 +71,7 @@ def task(dataset: str) -> Node:
         {
             "@type": "sc:PropertyValue",
             "name": name,
-            "unitText": "ms" if name.startswith("ms_") else unit(name) or "1",
+            "unitText": "ms" if name.startswith("ms_") else unit_of(name).text or "1",
             "description": statistics[name].meaning,
         }
         for name in METRICS

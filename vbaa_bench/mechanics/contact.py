@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 from vbaa_bench.mechanics.rod import Rod, cross
 from vbaa_bench.mechanics.surfaces import Surface
 
@@ -25,9 +25,8 @@ class Obstacle:
     friction: float = 0.0
 
     def __post_init__(self) -> None:
-        pose = frozen_floats("world_from_object", self.world_from_object, (4, 4))
-        object.__setattr__(self, "world_from_object", pose)
-        object.__setattr__(self, "spring", frozen_floats("spring", self.spring, (3,)))
+        freeze(self, "world_from_object", (4, 4))
+        freeze(self, "spring", (3,))
 
 
 @dataclass(frozen=True)

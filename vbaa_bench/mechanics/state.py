@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, freeze
 from vbaa_bench.mechanics.rod import Rod
 
 MAX_RESIDUAL = 1e-8
@@ -54,7 +54,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         for name in ("point", "tangent", "normal", "lever", "force", "object_shift"):
-            object.__setattr__(self, name, frozen_floats(name, getattr(self, name), (3,)))
+            freeze(self, name, (3,))
 
     @property
     def theta(self) -> float:
@@ -89,13 +89,11 @@ class State:
     residual: float
 
     def __post_init__(self) -> None:
-        line = frozen_floats("centreline", self.centreline, (None, 4))
-        object.__setattr__(self, "centreline", line)
+        line = freeze(self, "centreline", (None, 4))
         for name in ("base_force", "base_moment"):
-            object.__setattr__(self, name, frozen_floats(name, getattr(self, name), (3,)))
+            freeze(self, name, (3,))
         if self.director is not None:
-            director = frozen_floats("director", self.director, (len(line), 3))
-            object.__setattr__(self, "director", director)
+            freeze(self, "director", (len(line), 3))
 
     @classmethod
     def of_rod(

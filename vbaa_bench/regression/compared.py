@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.dataset.column import unit
+from solver.instrument.units import unit_of
 from vbaa_bench.scoring.ranking import TIME_OVER_REFERENCE
 from vbaa_bench.scoring.statistics import MAY_BE_CONSISTENT
 
@@ -51,7 +51,7 @@ class ComparedQuantity:
     @property
     def unit(self) -> str:
         """The unit of its values and of `tolerance`."""
-        return unit(self.column)
+        return unit_of(self.column).text
 
     def of_frames(self) -> pl.Expr:
         """Return its values of the frames of all methods, to four digits."""

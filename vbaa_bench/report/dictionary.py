@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from vbaa_bench.dataset.column import Column, markdown, unit
+from solver.instrument.units import unit_of
+from vbaa_bench.dataset.column import Column, markdown
 from vbaa_bench.dataset.dataset_columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
 from vbaa_bench.scoring.score_columns import FACTORS, LIMITS, PREDICTIONS, SCORES, STRATA_TABLE
 
@@ -54,7 +55,7 @@ def record() -> dict[str, dict[str, dict[str, str]]]:
     return {
         section.heading: {
             name: {
-                "unit": unit(name),
+                "unit": unit_of(name).text,
                 "frame": column.frame,
                 "meaning": column.meaning,
                 "null": column.null,

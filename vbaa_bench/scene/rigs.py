@@ -9,9 +9,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.camera import Camera
-from solver.instrument.clamp_offset import ClampOffset
-from solver.instrument.gravity import Gravity
-from solver.instrument.rig import Rig, Sensors, Tolerances
+from solver.instrument.rig import ClampOffset, Gravity, Light, Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.scene.light_direction import light_across, light_direction
@@ -75,10 +73,12 @@ def nominal_rig(scene: Scene) -> Rig:
         distortion_coefficients=len(scene.camera.distortion),
         sag=-float(sag[2]),
         sag_in_plane=sag[:2],
-        light_slope=light.slope,
-        light_slope_sigma=light.sigma,
-        light_distance=light.distance_mm * MILLIMETRE,
-        light_across=light_across(scene),
+        light=Light(
+            slope=light.slope,
+            slope_sigma=light.sigma,
+            distance=light.distance_mm * MILLIMETRE,
+            across=light_across(scene),
+        ),
         shape=stated_shape(
             taper=tolerances.tip_ratio_pct * PERCENT,
             softness=tolerances.clamp_softness,

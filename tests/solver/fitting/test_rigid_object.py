@@ -11,8 +11,8 @@ from solver.fitting.frame_problem import FrameProblem, frame_problem_of
 from solver.fitting.rigid_object import _growth, friction_sign_of, with_friction_sign
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape, stated_shape
-from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.estimate import Estimate
+from solver.instrument.rig import ClampOffset
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
 from solver.uniform.problem import problem_of

@@ -12,9 +12,9 @@ import pytest
 
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
-from solver.instrument.gravity import Gravity
-from solver.instrument.rig import ANY_LIGHT, Sensors
-from solver.instrument.rig_json import ENCODER_SIGMA_DEG, TIP_SIGMA_RADII, read_rig, rig_to_json
+from solver.instrument.rig import ANY_LIGHT, Gravity, Light, Sensors
+from solver.instrument.rig_json import read_rig, rig_to_json
+from solver.instrument.rig_keys import ENCODER_SIGMA_DEG, KEYS, TIP_SIGMA_RADII
 from tests.draws import scene_seed
 from tests.simulated import rig
 
@@ -30,11 +30,19 @@ def test_round_trip(tmp_path: Path) -> None:
     assert found.antenna_from_board == pytest.approx(np.eye(4))
 
 
+def test_the_readme_describes_every_key_that_a_laboratory_states() -> None:
+    text = (Path(__file__).parents[3] / "solver" / "README.md").read_text(encoding="utf-8")
+    by_learning = ("learned.", "clamp_offset.covariance")
+    stated = [key for key in KEYS if not key.place.startswith(by_learning)]
+    missing = [key.name for key in stated if key.name.split(".")[1] not in text]
+    assert missing == []
+
+
 def test_no_known_key_is_taken_for_a_missing_one(tmp_path: Path) -> None:
     path, missing = tmp_path / "rig.json", 0
     full = replace(rig(), sag=1e-3, sag_in_plane=np.array([0.0, 1e-3]), known_psi=0.1, bits=8)
     full = replace(full, tolerances=replace(full.tolerances, camera_shift_px=0.1))
-    full = replace(full, sensors=Sensors(1e-3, 1e-3, 1e-3), light_slope=0.1, light_distance=0.5)
+    full = replace(full, sensors=Sensors(1e-3, 1e-3, 1e-3), light=Light(0.1, distance=0.5))
     document = json.loads(rig_to_json(full))
     for section, keys in document.items():
         for key in keys:
@@ -72,18 +80,12 @@ def test_an_end_that_is_not_stated_to_be_sharp_is_uncertain(tmp_path: Path) -> N
 
 def test_the_lights_slope_comes_back_and_is_uncertain_unless_said(tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
-    lit = replace(rig(), light_slope=-0.7, light_slope_sigma=0.1, light_distance=0.4)
-    lit = replace(lit, light_across=0.6)
+    lit = replace(rig(), light=Light(-0.7, 0.1, 0.4, 0.6))
     path.write_text(rig_to_json(lit))
-    found = read_rig(path)
-    assert (found.light_slope, found.light_slope_sigma, found.light_distance) == (-0.7, 0.1, 0.4)
-    assert found.light_across == 0.6
+    assert read_rig(path).light == lit.light
     path.write_text(rig_to_json(rig()))
     assert "light" not in json.loads(path.read_text())
-    found = read_rig(path)
-    assert (found.light_slope, found.light_slope_sigma) == (0.0, ANY_LIGHT)
-    assert found.light_across == ANY_LIGHT
-    assert found.light_distance is None
+    assert read_rig(path).light == Light(0.0, ANY_LIGHT, None, ANY_LIGHT)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from solver.__main__ import main
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
-from solver.lab.outline import COLUMNS, csv_text, read_estimates, summary
+from solver.lab.outline_command import COLUMNS, outline_csv, read_estimates, summary
 from solver.outline.fit import Outline, fit_outline
 from tests.command_line import CommandLine
 from tests.solver.outline.test_fit import contacts, errors
@@ -22,7 +22,7 @@ def outline() -> Outline:
 
 
 def test_the_table_of_an_outline_has_its_points_in_mm(outline: Outline, tmp_path: Path) -> None:
-    (tmp_path / "outline.csv").write_text(csv_text(outline), encoding="utf-8")
+    (tmp_path / "outline.csv").write_text(outline_csv(outline), encoding="utf-8")
     with (tmp_path / "outline.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS

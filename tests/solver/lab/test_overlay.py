@@ -14,9 +14,8 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
-from solver.lab.drawing import MEASURED, REJECTED, TIP
 from solver.lab.live import FrameResult, solve_shots
-from solver.lab.overlay import CONTACT, FORCE, OverlayWriter, draw
+from solver.lab.overlay import CONTACT, FORCE, MEASURED, REJECTED, TIP, OverlayWriter, draw
 from solver.lab.shots import Files
 from solver.lab.table import row
 from solver.methods import METHODS

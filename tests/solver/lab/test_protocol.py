@@ -13,10 +13,9 @@ from rich.console import Console
 
 from solver.__main__ import main
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.gravity import Gravity
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import Observations
-from solver.instrument.rig import Rig
+from solver.instrument.rig import Gravity, Rig
 from solver.instrument.rig_json import rig_to_json
 from solver.lab.protocol import KNOWN, MIN_LOADS, KnownLoad, check_protocol
 from solver.lab.protocol_report import ProtocolReport

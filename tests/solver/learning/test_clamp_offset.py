@@ -11,9 +11,9 @@ import pytest
 from scipy.stats import chi2
 
 from solver.instrument.arrays import Floats
-from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement, View
+from solver.instrument.rig import ClampOffset
 from solver.instrument.rig_json import read_rig, rig_to_json
 from solver.instrument.transforms import turn_about_z
 from solver.learning.clamp_offset import ObjectRadius, learn_clamp_offset

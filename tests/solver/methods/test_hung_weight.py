@@ -9,7 +9,7 @@ import pytest
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.estimate import Outcome
-from solver.instrument.gravity import Gravity
+from solver.instrument.rig import Gravity
 from solver.instrument.transforms import turn_about_z
 from solver.learning.hung_rigidity import hung_beam
 from solver.methods.exact_fit import exact_fit

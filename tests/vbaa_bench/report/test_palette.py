@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.centreline import Flag
-from solver.lab import drawing
+from solver.lab import overlay
 from solver.methods import METHODS
 from vbaa_bench.report import palette
 
@@ -65,7 +65,7 @@ def test_colours_of_images_are_those_of_the_page() -> None:
 
 
 def test_the_overlays_of_the_antenna_have_the_colours_of_the_report() -> None:
-    assert palette.bgr(palette.POINTS) == drawing.MEASURED
-    assert palette.bgr(palette.TIP) == drawing.TIP
-    for flag, colour in drawing.REJECTED.items():
+    assert palette.bgr(palette.POINTS) == overlay.MEASURED
+    assert palette.bgr(palette.TIP) == overlay.TIP
+    for flag, colour in overlay.REJECTED.items():
         assert palette.bgr(palette.FLAGS[flag.name.lower()]) == colour

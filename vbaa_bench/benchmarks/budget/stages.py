@@ -74,7 +74,8 @@ def stages_of(antenna: Antenna, world: TrueWorld) -> list[Stage]:
     """
     nothing = Centreline(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
     rest_camera = world.rig.camera
-    rig, at_rest = replace(antenna.rig, light_slope=0.0, light_distance=None), antenna.at_rest
+    light = replace(antenna.rig.light, slope=0.0, distance=None)
+    rig, at_rest = replace(antenna.rig, light=light), antenna.at_rest
     at_rest = replace(at_rest, extract=Substitute(nothing))
     points = replace(antenna, rig=rig, at_rest=at_rest)
     rest = _rested(points, rest_camera, world.rest_line)

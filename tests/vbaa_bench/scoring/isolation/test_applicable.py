@@ -1,10 +1,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from solver.instrument.gravity import Gravity
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import Observations
-from solver.instrument.rig import Sensors
+from solver.instrument.rig import Gravity, Sensors
 from solver.methods import METHODS
 from tests.simulated import rig
 from vbaa_bench.scoring.isolation.runs import applicable

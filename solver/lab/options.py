@@ -1,11 +1,14 @@
-"""Options that name a rig and a source of images, and the inputs that they open."""
+"""Options that several commands share, and the inputs that they open."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
+from solver.antenna import Antenna
+from solver.centreline.extractors import EXTRACTORS
+from solver.instrument.by_name import ELSEWHERE
 from solver.instrument.errors import InputError
 from solver.instrument.images import CHANNELS, image_files
 from solver.instrument.observation import (
@@ -17,8 +20,11 @@ from solver.instrument.observation import (
     tables_beside,
 )
 from solver.lab.controls import NO_CONTROLS, Controls
+from solver.lab.file_findings import file_findings
+from solver.lab.findings import Finding, findings
 from solver.lab.shots import Files, Source
 from solver.lab.sources import is_camera, open_source
+from solver.methods import METHODS
 
 _RIG = typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
 RigOption = Annotated[Path, _RIG]
@@ -43,6 +49,33 @@ ControlOption = Annotated[
     typer.Option(help="OpenCV camera property: gain=4, fourcc=Y16; may be repeated"),
 ]
 
+MethodOption = Annotated[str, typer.Option(help=f"{', '.join(METHODS)}, or {ELSEWHERE}")]
+CentrelineOption = Annotated[str, typer.Option(help=f"{', '.join(EXTRACTORS)}, or {ELSEWHERE}")]
+BeamOption = Annotated[
+    str | None,
+    typer.Option(help=f"beam of your own for the method: {ELSEWHERE}", show_default=False),
+]
+PageOption = Annotated[Path | None, typer.Option("--page", help="HTML page with pictures to write")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print one line of JSON")]
+
+
+class Inputs(NamedTuple):
+    """Rig with its images, source of frames, tables of readings, and all files that are read.
+
+    Images are also the frames of the observations; of a rig's folder, they are those beside its
+    rig.json. `rig` is the path to check the rig with.
+    """
+
+    observations: Observations
+    source: Source
+    rig: Path
+    tables: tuple[Path, ...]
+    files: tuple[Path, ...]
+
+    def findings(self, antenna: Antenna) -> tuple[Finding, ...]:
+        """List what contradicts the rig in its files and in its images. Raises InputError."""
+        return (*file_findings(self.observations, self.tables), *findings(antenna))
+
 
 def open_inputs(
     sources: list[str],
@@ -50,12 +83,36 @@ def open_inputs(
     readings: Path | None,
     channel: str | None,
     controls: Controls,
-) -> tuple[Observations, Source]:
-    """Open the rig with its calibration and rest images, and the source of frames.
+) -> Inputs:
+    """Open what the options name.
 
-    Images are also the frames of the result; of a rig's folder, they are those beside its rig.json.
     `channel` replaces the rig's, for images at rest and for frames. Raises InputError.
     """
+    observations, source = _opened(sources, rig, readings, channel, controls)
+    folder, root = Path(sources[0]), observations.root
+    tables = tables_beside(folder) if readings is None and folder.is_dir() else []
+    tables += [] if readings is None else [readings]
+    files = (
+        rig_file(rig or root),
+        root / "rig.json",
+        *observations.board_views,
+        *observations.rest_images,
+        *observations.ground_images,
+        *(frame.path for frame in observations.frames),
+        *tables,
+        *tables_beside(root),
+        *map(Path, sources),
+    )
+    return Inputs(observations, source, rig or root, tuple(tables), files)
+
+
+def _opened(
+    sources: list[str],
+    rig: Path | None,
+    readings: Path | None,
+    channel: str | None,
+    controls: Controls,
+) -> tuple[Observations, Source]:
     if rig is not None:
         observations = open_rig_files(rig)
         used_channel = checked_channel(channel) or observations.rig.channel
@@ -92,32 +149,6 @@ def _is_rig_folder(sources: list[str]) -> bool:
         and (root / "rig.json").is_file()
         and bool(tables_beside(root) or image_files(root / "images"))
     )
-
-
-def used_tables(sources: list[str], readings: Path | None) -> list[Path]:
-    """List the tables of readings that belong to a source: of a folder, its own."""
-    if readings is not None:
-        return [readings]
-    root = Path(sources[0])
-    return tables_beside(root) if root.is_dir() else []
-
-
-def input_files(
-    observations: Observations, sources: list[str], rig: Path | None, readings: Path | None
-) -> list[Path]:
-    """List the files that a command reads, which its outputs must not replace."""
-    root = observations.root
-    return [
-        rig_file(rig or root),
-        root / "rig.json",
-        *observations.board_views,
-        *observations.rest_images,
-        *observations.ground_images,
-        *(frame.path for frame in observations.frames),
-        *used_tables(sources, readings),
-        *tables_beside(root),
-        *(Path(source) for source in sources),
-    ]
 
 
 def checked_channel(name: str | None) -> str | None:
