@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from solver.instrument.centreline import Centreline
     from solver.instrument.errors import InputError
     from solver.instrument.estimate import Assumption, Estimate, Outcome
+    from solver.instrument.image_frame import Carriage
     from solver.instrument.measurement import Measurement
     from solver.instrument.observation import open_observations
     from solver.methods import METHODS
@@ -31,6 +32,7 @@ __all__ = [
     "METHODS",
     "Assumption",
     "CalibratedRig",
+    "Carriage",
     "Centreline",
     "Estimate",
     "InputError",
@@ -56,6 +58,7 @@ _MODULE_OF = {
     "METHODS": "methods",
     "Assumption": "instrument.estimate",
     "CalibratedRig": "api",
+    "Carriage": "instrument.image_frame",
     "Centreline": "instrument.centreline",
     "Estimate": "instrument.estimate",
     "InputError": "instrument.errors",

@@ -15,11 +15,13 @@ from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError, described
 from solver.instrument.estimate import Assumption, Estimate, Outcome
-from solver.instrument.image_frame import NO_READINGS, Readings
+from solver.instrument.image_frame import NO_READINGS, Carriage, Readings
 from solver.instrument.images import to_grey
 from solver.instrument.measurement import Measurement
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.methods import Method
+from solver.outline.contacts import Touch, placed, touch_of
+from solver.outline.fit import Outline, fit_outline
 from solver.to_measurement import to_measurement
 
 # Chosen: a longer push is thinned to every other frame, so that memory is bounded and the whole
@@ -55,6 +57,7 @@ class PushTracker:
         self._antenna, self._method = antenna, method
         self._push: list[Measurement] = []
         self._push_id = ""
+        self._touches: dict[str, Touch] = {}
 
     def solve(
         self, image: Grey, readings: Readings = NO_READINGS, push_id: str = ""
@@ -85,6 +88,9 @@ class PushTracker:
                 self._push = []
             else:
                 self._remember(measurement)
+        touch = touch_of(estimate, readings)
+        if touch is not None:
+            self._touches[str(len(self._touches))] = touch
         return FrameSolution(estimate, line, seconds, processor_seconds, trace)
 
     def update(
@@ -95,13 +101,15 @@ class PushTracker:
         moment_y_n_mm: float | None = None,
         base_force_n: ArrayLike | None = None,
         base_moment_n_mm: ArrayLike | None = None,
+        carriage: Carriage | None = None,
         push_id: str = "",
     ) -> Estimate:
         """Estimate from the next image of a camera and the readings taken with it.
 
         `image` (height, width) is gray, or (height, width, 3) in OpenCV's order, of 8 or 16 bits;
         the rig's channel of a colour image is used. `base_force_n` and `base_moment_n_mm` (3,) are
-        the force sensor's readings in Sigma_a. Any failure becomes an outcome; `solve` also gives
+        the force sensor's readings in Sigma_a, `carriage` the pose of an antenna that is carried
+        about its object: see `outline`. Any failure becomes an outcome; `solve` also gives
         the traceback of an error in the program.
         """
         try:
@@ -111,6 +119,7 @@ class PushTracker:
                 moment_y=None if moment_y_n_mm is None else moment_y_n_mm * MILLIMETRE,
                 base_force=None if force is None else _vector(force),
                 base_moment=None if moment is None else _vector(np.multiply(moment, MILLIMETRE)),
+                carriage=carriage,
             )
             gray = to_grey(np.asarray(image), "the image", self._antenna.rig.channel)
         except InputError as error:
@@ -118,6 +127,15 @@ class PushTracker:
         except Exception as error:  # noqa: BLE001 - a loop in a laboratory must not end here
             return Estimate(Outcome.CRASHED, described(error))
         return self.solve(gray, readings, push_id).estimate
+
+    def outline(self) -> Outline:
+        """Fit the outline of an object to all contacts so far with a carriage and a motor angle.
+
+        Raises InputError if there are too few, or if they fit no convex outline.
+        """
+        if not self._touches:
+            raise InputError("no frame with the outcome 'contact' had a carriage and a motor angle")
+        return fit_outline(placed(self._touches, self._antenna.rig))
 
     def _remember(self, measurement: Measurement) -> None:
         if len(self._push) == MAX_PUSH_FRAMES:

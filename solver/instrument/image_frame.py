@@ -9,6 +9,7 @@ from typing import Final
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
+from solver.instrument.units import DEGREE, MILLIMETRE
 
 # Name of the split from which a beam is learned.
 LEARN: Final = "learn"
@@ -27,6 +28,24 @@ class Carriage:
     turn: float
     position_sigma: float = 0.0
     turn_sigma: float = 0.0
+
+    @classmethod
+    def at(
+        cls,
+        x_mm: float,
+        y_mm: float,
+        turn_deg: float,
+        sigma_mm: float = 0.0,
+        turn_sigma_deg: float = 0.0,
+    ) -> "Carriage":
+        """Make a carriage of its readings. Raises InputError if they are not finite numbers."""
+        readings = (x_mm, y_mm, turn_deg, sigma_mm, turn_sigma_deg)
+        if not all(map(math.isfinite, readings)) or min(readings[3:]) < 0:
+            raise InputError(
+                f"the carriage's readings are {readings}, allowed are finite numbers, sigmas >= 0"
+            )
+        mm = MILLIMETRE
+        return cls(x_mm * mm, y_mm * mm, turn_deg * DEGREE, sigma_mm * mm, turn_sigma_deg * DEGREE)
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Outcome
-from solver.instrument.image_frame import ImageFrame
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.image_frame import Carriage, ImageFrame, Readings
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
@@ -55,13 +55,50 @@ class Contacts:
         return np.asarray(self.covariances + by_sigma @ by_sigma.transpose(0, 2, 1))
 
 
-class _Contact(NamedTuple):
-    """One contact, as in `Contacts`."""
+class Touch(NamedTuple):
+    """Contact in Sigma_o: point (2,) [m], its covariance (2, 2), direction of the force [rad].
+
+    The direction is that in Sigma_a, which `motor_angle` [rad] turns; `carriage` places Sigma_o.
+    """
 
     point: Floats
-    normal: float
     covariance: Floats
-    shared: Floats
+    direction: float
+    motor_angle: float
+    carriage: Carriage
+
+
+def touch_of(estimate: Estimate, readings: Readings) -> Touch | None:
+    """Return the contact of an estimate at the pose of a carriage.
+
+    Return None where there is no contact, no carriage or no motor angle.
+    """
+    motor_angle = estimate.values.get("motor_angle_rad", readings.motor_angle)
+    carriage = readings.carriage
+    if estimate.outcome is not Outcome.CONTACT or carriage is None or motor_angle is None:
+        return None
+    names = ("contact_world_x_m", "contact_world_y_m")
+    return Touch(
+        np.array([estimate.values[name] for name in names]),
+        estimate.covariance_of(*names),
+        math.atan2(estimate.values["force_y_n"], estimate.values["force_x_n"]),
+        motor_angle,
+        carriage,
+    )
+
+
+def placed(touches: Mapping[str, Touch], rig: Rig) -> Contacts:
+    """Place contacts, by the names of their frames, on the table of their object."""
+    contacts = [_placed(touch, rig) for touch in touches.values()]
+    points, normals, covariances, shared = zip(*contacts, strict=True)
+    return Contacts(
+        tuple(touches),
+        np.array(points),
+        np.array(normals),
+        np.array(covariances),
+        np.array(shared),
+        shared_sigmas(rig),
+    )
 
 
 def contacts_of(rows: Iterable[Row], frames: Iterable[ImageFrame], rig: Rig) -> Contacts:
@@ -73,7 +110,7 @@ def contacts_of(rows: Iterable[Row], frames: Iterable[ImageFrame], rig: Rig) -> 
     """
     by_id = {frame.frame_id: frame for frame in frames}
     by_path = {frame.path.resolve(): frame for frame in frames}
-    names, contacts = [], []
+    touches: dict[str, Touch] = {}
     for row in rows:
         if row["outcome"] != Outcome.CONTACT:
             continue
@@ -82,22 +119,13 @@ def contacts_of(rows: Iterable[Row], frames: Iterable[ImageFrame], rig: Rig) -> 
         frame = by_id.get(name) or by_path.get(Path(name).resolve())
         if frame is None:
             raise InputError(f"the frame {name} of the estimates is missing in the readings")
-        names.append(name)
-        contacts.append(_contact(row, frame, rig))
-    if not contacts:
+        touches[name] = _touch_of_row(row, frame)
+    if not touches:
         raise InputError("the estimates have no frame with the outcome 'contact'")
-    points, normals, covariances, shared = zip(*contacts, strict=True)
-    return Contacts(
-        tuple(names),
-        np.array(points),
-        np.array(normals),
-        np.array(covariances),
-        np.array(shared),
-        shared_sigmas(rig),
-    )
+    return placed(touches, rig)
 
 
-def _contact(row: Row, frame: ImageFrame, rig: Rig) -> _Contact:
+def _touch_of_row(row: Row, frame: ImageFrame) -> Touch:
     carriage, motor_angle = frame.readings.carriage, frame.readings.motor_angle
     if carriage is None:
         raise InputError(f"the readings of frame {frame.frame_id} have no carriage_x_mm")
@@ -117,17 +145,34 @@ def _contact(row: Row, frame: ImageFrame, rig: Rig) -> _Contact:
             f"{correlation:g}, allowed are sigmas > 0 and a correlation between -1 and 1"
         )
     off_diagonal = correlation * x_sigma * y_sigma
-    in_world = np.array([[x_sigma**2, off_diagonal], [off_diagonal, y_sigma**2]])
+    return Touch(
+        np.array([x, y]),
+        np.array([[x_sigma**2, off_diagonal], [off_diagonal, y_sigma**2]]),
+        math.atan2(_number(row, "force_y_n"), _number(row, "force_x_n")),
+        motor_angle,
+        carriage,
+    )
+
+
+class _Contact(NamedTuple):
+    """One contact, as in `Contacts`."""
+
+    point: Floats
+    normal: float
+    covariance: Floats
+    shared: Floats
+
+
+def _placed(touch: Touch, rig: Rig) -> _Contact:
+    carriage, arm = touch.carriage, touch.point
     # The error of Sigma_a is a shift, and a rotation about the board's middle: `fitting/frames.py`.
-    arm = np.array([x, y])
     by_sigma_a = np.column_stack([np.eye(2), _across(arm - rig.antenna_from_board[:2, 3])])
     common = by_sigma_a * shared_sigmas(rig)
     turn = turn_about_z(carriage.turn)[:2, :2]
     by_turn = turn @ _across(arm) * carriage.turn_sigma
-    own = turn @ _subtracted(in_world, common @ common.T) @ turn.T
+    own = turn @ _subtracted(touch.covariance, common @ common.T) @ turn.T
     own += carriage.position_sigma**2 * np.eye(2) + np.outer(by_turn, by_turn)
-    direction = math.atan2(_number(row, "force_y_n"), _number(row, "force_x_n"))
-    normal = direction + motor_angle + carriage.turn
+    normal = touch.direction + touch.motor_angle + carriage.turn
     outward = np.array([math.cos(normal), math.sin(normal)])
     return _Contact(
         np.array([carriage.x, carriage.y]) + turn @ arm - rig.beam.radius * outward,

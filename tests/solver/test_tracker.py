@@ -12,10 +12,12 @@ from solver.antenna import Antenna
 from solver.at_rest.rest_line import RestLine
 from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.image_frame import Carriage
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Light
-from solver.instrument.transforms import invert
+from solver.instrument.transforms import invert, turn_about_z
 from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
 from solver.shading import SHADING, SHADING_SIGMA
@@ -292,3 +294,27 @@ def test_readings_of_a_force_sensor_reach_the_method() -> None:
     )
     assert given[0].base_force == (1.0, 2.0, 3.0)
     assert given[0].base_moment == pytest.approx((4e-3, 5e-3, 6e-3))
+
+
+def test_a_tracker_fits_the_outline_of_what_it_has_touched() -> None:
+    """A disc of 8 mm, touched by a beam at (60, 5) mm of Sigma_o from all sides."""
+    point, radius = np.array([0.06, 0.005]), 8e-3
+    names = ("contact_world_x_m", "contact_world_y_m", "force_x_n", "force_y_n")
+    values = dict(zip(names, (*point, 0.0, 1.0), strict=True))
+    covariance = np.diag([1e-5, 1e-5, 1e-3, 1e-3]) ** 2
+    told = Estimate(Outcome.CONTACT, values=values, covariance=covariance)
+    lab = antenna([image(drawn(GUIDE, bent(0.0)), seed) for seed in (1, 2)])
+    tracker = PushTracker(lab, lambda _: told)
+    touched = image(drawn(GUIDE, bent(0.1)), 3)
+    with pytest.raises(InputError, match="no frame with the outcome 'contact' had a carriage"):
+        tracker.outline()
+    for turn in range(0, 360, 20):
+        rotation = turn_about_z(math.radians(turn))[:2, :2]
+        # The beam's surface, a radius below its axis, touches the disc about the origin.
+        x, y = rotation @ ([0.0, radius + lab.rig.beam.radius] - point)
+        carriage = Carriage.at(1e3 * x, 1e3 * y, turn)
+        estimate = tracker.update(touched, motor_angle_deg=0.0, carriage=carriage)
+        assert estimate.outcome is Outcome.CONTACT
+    outline = tracker.outline()
+    assert outline.closed
+    assert np.hypot(*outline.points.T) == pytest.approx(radius, rel=0.02)
