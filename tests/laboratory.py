@@ -51,9 +51,7 @@ def antenna_with(rest: RestLine) -> Antenna:
     """An antenna whose line at rest is `rest`, without landmarks in view."""
     even = np.full((HEIGHT, WIDTH), 50, np.uint8)
     marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, NOISE)
-    return Antenna(
-        rig(), CALIBRATION, RestState(Blind(), rest, marks, NOISE, None, None, 0, (), 0.0)
-    )
+    return Antenna(rig(), CALIBRATION, RestState(Blind(), rest, marks, NOISE, None, None, 0, ()))
 
 
 def antenna(images: list[Grey]) -> Antenna:

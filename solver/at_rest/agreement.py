@@ -33,7 +33,7 @@ _MARGIN_PX: Final = 3
 class AgreeingImages(NamedTuple):
     """Distinct images (height, width) that agree, their extractor, and their centrelines.
 
-    `copies`, `rejected` and `disagreement_px` are those of `RestState`.
+    `copies` and `rejected` are those of `RestState`.
     """
 
     images: Sequence[Grey]
@@ -41,7 +41,6 @@ class AgreeingImages(NamedTuple):
     lines: list[Centreline]
     copies: int
     rejected: tuple[int, ...]
-    disagreement_px: float
 
 
 def agreeing_images(images: Sequence[Grey], guide: Guide, learn: Learn) -> AgreeingImages:
@@ -59,8 +58,7 @@ def agreeing_images(images: Sequence[Grey], guide: Guide, learn: Learn) -> Agree
     largest = float(deviations.max(initial=0.0))
     if largest > THRESHOLDS.max_disagreement_px:
         raise _placing_error(largest, used, lines, guide)
-    copies = len(images) - len(distinct)
-    return AgreeingImages(used, extract, lines, copies, outliers, largest)
+    return AgreeingImages(used, extract, lines, len(images) - len(distinct), outliers)
 
 
 def _distinct(images: Sequence[Grey]) -> list[Grey]:

@@ -34,11 +34,10 @@ class RestState:
     """The beam at rest: its extractor, its line, the landmarks about it, and its free end.
 
     `noise` is that of the gray values, `copies` counts the images that repeat another one,
-    `rejected` holds the indices, among the distinct images, of those that disagree with the others,
-    `disagreement_px` is the largest difference among the images that were used. `tip` (2,) [px] is
-    the image of the free end and `tip_covariance` (2, 2) [px^2] its covariance; None where it is
-    not detected. Then `length_seen` [m] is the distance from the clamp to an end elsewhere, None
-    where there is none either.
+    `rejected` holds the indices, among the distinct images, of those that disagree with the others.
+    `tip` (2,) [px] is the image of the free end and `tip_covariance` (2, 2) [px^2] its covariance;
+    None where it is not detected. Then `length_seen` [m] is the distance from the clamp to an end
+    elsewhere, None where there is none either.
     """
 
     extract: Extractor
@@ -49,7 +48,6 @@ class RestState:
     tip_covariance: Floats | None
     copies: int
     rejected: tuple[int, ...]
-    disagreement_px: float
     length_seen: float | None = None
 
 
@@ -76,7 +74,6 @@ def learn_rest_state(
         tip_covariance=tip_covariance,
         copies=used.copies,
         rejected=used.rejected,
-        disagreement_px=used.disagreement_px,
         length_seen=_length_seen(used.extract, used.images[0]) if tip is None else None,
     )
 

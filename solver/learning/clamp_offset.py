@@ -22,7 +22,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from solver.core.least_squares import Fit, Rows, fit_rows
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.push_joint import RADIUS_SIGMA
 from solver.instrument.arrays import Floats
@@ -104,20 +103,26 @@ def learn_clamp_offset(
     # A nanometre keeps the covariance of a certain direction regular.
     sigma = _CERTAIN if uncertain else _WIDEST * rig.beam.length
     prior = stated.covariance + np.eye(2) * sigma**2
+    root = np.linalg.inv(np.linalg.cholesky(prior))
+    of_prior = np.pad(root, ((0, 0), (0, 1 + 3 * len(turned))))
     position = stated.position
     for _ in range(_PASSES):
-        fit = _solved(_system(turned, rig, radius, position), stated.position, prior)
-        position = fit.offset
+        matrix, target = _system(turned, rig, radius, position)
+        equations, values = np.vstack([matrix, of_prior]), np.append(target, root @ stated.position)
+        fit = _least_squares(equations, values)
+        position = fit.unknowns[:2]
+    held = _least_squares(matrix[:, 2:], target - matrix[:, :2] @ stated.position)
+    excess = held.chi2 - fit.chi2
     # Radii and offset have priors: only the places reduce the degrees of freedom.
     dof = 2 * sum(len(push) - 1 for push in turned)
     limits = chdtri([dof, 2], THRESHOLDS.false_rejection)
     return LearnedOffset(
-        offset=ClampOffset(fit.offset, fit.covariance),
+        offset=ClampOffset(position, fit.covariance[:2, :2]),
         chi2=fit.chi2,
         dof=dof,
-        excess=fit.excess,
+        excess=excess,
         still=bool(fit.chi2 < limits[0]),
-        needed=bool(uncertain or fit.excess > limits[1]),
+        needed=bool(uncertain or excess > limits[1]),
     )
 
 
@@ -184,28 +189,20 @@ def _system(
     return _System(np.vstack([*rows, radii]), np.concatenate([*targets, np.zeros(len(radii))]))
 
 
-class _Solved(NamedTuple):
-    """Offset (2,) [m], its covariance (2, 2), chi2, and its increase with the prior's mean."""
+class _LinearFit(NamedTuple):
+    """Solution (p,) of linear equations, its covariance (p, p), and chi2."""
 
-    offset: Floats
+    unknowns: Floats
     covariance: Floats
     chi2: float
-    excess: float
 
 
-def _solved(system: _System, mean: Floats, prior: Floats) -> _Solved:
-    """Solve for the offset with the prior covariance `prior` (2, 2) about its `mean` (2,)."""
-    matrix, target = system
-    root = np.linalg.inv(np.linalg.cholesky(prior))
-    with_prior = np.vstack([matrix, np.pad(root, ((0, 0), (0, matrix.shape[1] - 2)))])
-    fit = _fitted(with_prior, np.append(target, root @ mean))
-    held = _fitted(matrix[:, 2:], target - matrix[:, :2] @ mean)
-    covariance = fit.covariance[:2, :2]
-    return _Solved(
-        fit.parameters[:2], (covariance + covariance.T) / 2, fit.chi2, held.chi2 - fit.chi2
-    )
-
-
-def _fitted(matrix: Floats, target: Floats) -> Fit:
-    """Solve linear equations (m, p), (m,) by least squares."""
-    return fit_rows(lambda p: Rows(matrix @ p - target, matrix.T.copy()), np.zeros(matrix.shape[1]))
+def _least_squares(matrix: Floats, target: Floats) -> _LinearFit:
+    """Solve whitened equations (m, p), (m,) by least squares."""
+    # In units in which each unknown has the same weight.
+    unit = np.linalg.norm(matrix, axis=0)
+    scaled = matrix / unit
+    unknowns = np.linalg.lstsq(scaled, target)[0] / unit
+    residual = target - matrix @ unknowns
+    covariance = np.linalg.inv(scaled.T @ scaled) / np.outer(unit, unit)
+    return _LinearFit(unknowns, (covariance + covariance.T) / 2, float(residual @ residual))

@@ -44,7 +44,6 @@ def test_a_touched_image_is_left_out() -> None:
     learned = at_rest([rested(1), touched, rested(2)])
     clean = at_rest([rested(1), rested(2)])
     assert learned.rejected == (1,)
-    assert learned.disagreement_px == 0.0
     assert learned.line.slope == clean.line.slope
     assert clean.rejected == ()
 
