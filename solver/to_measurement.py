@@ -18,7 +18,7 @@ from solver.instrument.transforms import turn_about_z
 from solver.planes.own_weight import OwnWeight, bow_by_own_weight
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
-from solver.shading import axis_sigma, shading_of
+from solver.planes.shading import axis_sigma, shading_of
 
 # Number of last points before the tip, which give the direction of the beam's straight end.
 TIP_POINTS = 30
@@ -56,7 +56,10 @@ def to_measurement(
     if bent is not None:
         normals, bow_errors = bent.normals, bent.bow_errors
         across = np.maximum(np.abs((sigmas * normals).sum(axis=1)), 1e-15)
-        shading = shading_of(antenna, points, bent.turn)
+        x = points[:, 0] - rig.base_position[0]
+        moved = points[:, 1] - rest.y_at_clamp - rest.slope * x
+        response = antenna.extract.shading
+        shading = shading_of(rig, camera.viewpoint, response, x, moved, bent.turn)
         removed = bent.bow[:, None] * normals
         shift = shading.shift
         share = rest.share_that_follows(bent.arc, bent.beside, across)
@@ -95,7 +98,7 @@ def to_measurement(
         viewpoint_known=antenna.calibration.viewpoint_known,
         tip_sigma=antenna.tip_sigma,
         image_shift=image_shift,
-        axis_sigma=axis_sigma(antenna),
+        axis_sigma=axis_sigma(rig, antenna.extract.shading),
         rest_bow=RestBow(
             coefficients=antenna.rest.bow * axes[1, 1],
             by_weight=by_weight * axes[1, 1],

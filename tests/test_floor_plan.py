@@ -32,7 +32,6 @@ FLOORS: dict[str, list[set[str]]] = {
         {"learning"},
         {"tracker"},
         {"to_measurement", "set_up"},
-        {"shading"},
         {"antenna", "first_start", "photographs"},
         {"at_rest", "methods", "outline", "trace"},
         {"baselines", "calibrate", "centreline"},

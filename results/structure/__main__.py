@@ -4,7 +4,8 @@ For each commit, and for the working copy if none is given: modules, lines, line
 statements of the packages; floors of the floor plan; commands; and for one image (`view` of a
 scene, `preview` in earlier versions), for one scene (`run` of the quickstart) and for one report
 the modules of which a function runs, and the hand-overs: pairs of rooms, one of which calls the
-other. Processes that these commands start count.
+other. Processes that these commands start count. One estimate is that of an image of the example
+rig by a tracker, after three others.
 """
 
 import ast
@@ -61,16 +62,36 @@ def _called(frame, event, _argument):
                     _pairs.add((one, other))
 
 
-def _write():
+def begin():
+    atexit.register(end)
+    threading.setprofile(_called)
+    sys.setprofile(_called)
+
+
+def end():
     sys.setprofile(None)
     with open(f"{os.environ['STRUCTURE_OUT']}/{os.getpid()}.json", "w") as file:
         json.dump({"modules": sorted(_modules), "pairs": sorted(_pairs)}, file)
 
 
-if "STRUCTURE_OUT" in os.environ:
-    atexit.register(_write)
-    threading.setprofile(_called)
-    sys.setprofile(_called)
+if "STRUCTURE_ALL" in os.environ:
+    begin()
+"""
+_ONE_ESTIMATE: Final = """
+import os, sys
+from pathlib import Path
+import cv2, solver
+rig = solver.open_rig("solver/example")
+tracker = rig.tracker("exact_fit")
+paths = sorted(Path("solver/example/images").glob("*.png"))[:4]
+images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths]
+for image in images[:-1]:
+    tracker.update(image)
+sys.path.insert(0, os.environ["STRUCTURE_TRACER"])
+import sitecustomize as tracer
+tracer.begin()
+assert tracker.update(images[-1]).values
+tracer.end()
 """
 _LIST_COMMANDS: Final = """
 import json, typer
@@ -121,6 +142,16 @@ def _code_lines(path: Path) -> Iterator[int]:
 
 def executed(code: Path, words: list[str], folder: Path) -> dict[str, int]:
     """Run a command of a version; count the modules that run, and the hand-overs."""
+    return _counted(code, ["-m", "vbaa_bench", *words], folder, whole=True)
+
+
+def one_estimate(code: Path, folder: Path) -> dict[str, int]:
+    """Count the modules, and the hand-overs, of one estimate of a version."""
+    return _counted(code, ["-c", _ONE_ESTIMATE], folder, whole=False)
+
+
+def _counted(code: Path, words: list[str], folder: Path, *, whole: bool) -> dict[str, int]:
+    """Run Python; count modules and hand-overs of the `whole` process, or of what it chooses."""
     tracer, out = folder / "tracer", folder / "out"
     for path in (tracer, out):
         path.mkdir(exist_ok=True)
@@ -128,12 +159,15 @@ def executed(code: Path, words: list[str], folder: Path) -> dict[str, int]:
         path.unlink()
     (tracer / "sitecustomize.py").write_text(_TRACER, encoding="utf-8")
     environment = os.environ | {
-        "PYTHONPATH": f"{tracer}{os.pathsep}{code}",
+        "PYTHONPATH": f"{tracer}{os.pathsep}{code}" if whole else str(code),
         "STRUCTURE_ROOT": str(code),
         "STRUCTURE_OUT": str(out),
+        "STRUCTURE_TRACER": str(tracer),
+        **({"STRUCTURE_ALL": "1"} if whole else {}),
     }
-    command = [sys.executable, "-m", "vbaa_bench", *words]
-    subprocess.run(command, cwd=code, env=environment, check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, *words], cwd=code, env=environment, check=True, capture_output=True
+    )
     records = [json.loads(path.read_text(encoding="utf-8")) for path in out.iterdir()]
     modules = {name for record in records for name in record["modules"]}
     pairs = {tuple(pair) for record in records for pair in record["pairs"]}
@@ -160,6 +194,7 @@ def structure(code: Path) -> dict[str, Any]:
             **{package: size_of(code / package)._asdict() for package in PACKAGES},
             "floors": _floors(code / "tests" / "test_floor_plan.py"),
             "commands": len(commands),
+            "one estimate": one_estimate(code, folder),
             "one image": executed(code, [one_image, scene, "--out", f"{folder}/a.png"], folder),
             "one scene": executed(code, ["run", scene, "--out", str(run)], folder),
             "one report": executed(code, ["report", str(run)], folder),

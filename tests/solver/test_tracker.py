@@ -20,7 +20,7 @@ from solver.instrument.rig import Light
 from solver.instrument.transforms import invert, turn_about_z
 from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
-from solver.shading import SHADING, SHADING_SIGMA
+from solver.planes.shading import SHADING, SHADING_SIGMA
 from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn

@@ -10,7 +10,7 @@ from solver.centreline.area_weighted import learn_area_weighted
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
-from solver.shading import SHADING
+from solver.planes.shading import SHADING
 from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, cover, distances, drawn, guide
 from tests.draws import generator
 

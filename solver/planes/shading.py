@@ -16,8 +16,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.antenna import Antenna
 from solver.instrument.arrays import Floats
+from solver.instrument.rig import Rig
 
 # Shift of the middle of the shading, in radii at t = 1. Derived, for a matt cylinder: the
 # brightness sqrt(1 - x^2) + t x has its middle at t (2/3) / (pi/2).
@@ -25,8 +25,6 @@ SHADING: Final = 4 / (3 * math.pi)
 # Its relative sigma. Measured: matt, glossy and bare beams lit from the side moved by 1.0 to 1.6
 # times as much.
 SHADING_SIGMA: Final = 0.3
-
-
 # Largest shift of the middle of the shading, in radii. Derived, for a matt cylinder in light that
 # grazes it: the brightness x, on the lit half only, has its middle at (1/3) / (1/2).
 MAX_SHADING: Final = 2 / 3
@@ -43,29 +41,29 @@ class Shading(NamedTuple):
     errors: Floats
 
 
-def shading_of(antenna: Antenna, points: Floats, turn: Floats) -> Shading:
-    """Compute the shift of the shading at points (n, 2) [m] on C where the beam turned by `turn`.
+def shading_of(
+    rig: Rig, viewpoint: Floats, response: float, x: Floats, moved: Floats, turn: Floats
+) -> Shading:
+    """Compute the shift of the shading at n points, where the beam has turned by `turn` (n,) [rad].
 
-    `turn` (n,) [rad] is the direction of the beam less that at rest.
+    `x` (n,) [m] are their distances from the clamp along Sigma_a's x axis, `moved` (n,) [m] how far
+    they are from the line at rest. `viewpoint` (4,) is the camera's, and `response` is the shift of
+    the measured place over that of the shading.
     """
-    rig, rest = antenna.rig, antenna.rest
-    *_, height, w = antenna.calibration.camera.viewpoint
+    *_, height, w = viewpoint
     gradient = 0.0 if rig.light.distance is None else w / height - 1 / rig.light.distance
-    x = points[:, 0] - rig.base_position[0]
-    moved = points[:, 1] - rest.y_at_clamp - rest.slope * x
     along = rig.light.slope + gradient * (x - rig.beam.length / 2)
-    size, sine = SHADING * antenna.extract.shading * rig.beam.radius, np.sin(turn)
+    size, sine = SHADING * response * rig.beam.radius, np.sin(turn)
     shift = size * (gradient * moved * np.cos(turn) - along * sine)
     errors = np.stack([size * rig.light.slope_sigma * sine, SHADING_SIGMA * shift], axis=1)
     return Shading(shift, errors)
 
 
-def axis_sigma(antenna: Antenna) -> float:
+def axis_sigma(rig: Rig, response: float) -> float:
     """Compute the sigma [m] of the beam's axis about its apparent middle at rest, across the beam.
 
     The rest pose is that of the apparent middle. Contact distance and force depend only on changes
-    since rest; the place in Sigma_a depends on the axis.
+    since rest; the place in Sigma_a depends on the axis. `response` is that of `shading_of`.
     """
-    rig = antenna.rig
-    shift = SHADING * abs(antenna.extract.shading) * rig.light.across
+    shift = SHADING * abs(response) * rig.light.across
     return min(shift, MAX_SHADING) * rig.beam.radius
