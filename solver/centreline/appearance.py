@@ -15,11 +15,10 @@ from solver.centreline.effective_profile import (
     read_columns,
 )
 from solver.centreline.ground import Ground, learn_ground
-from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile, tilt_response
-from solver.centreline.profile_fit import MARGIN
+from solver.centreline.profile_fit import MARGIN, KnownGround
 from solver.centreline.rest_columns import RestColumns, Shape, check_count
 from solver.centreline.rest_detection import find_rest_line
 from solver.centreline.second_line import SecondLine
@@ -121,9 +120,9 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     on_beam = line.places[(line.places[:, 0] > 0) & (line.places[:, 0] < 0.98 * guide.length)]
     path, beam = guide.pixels(on_beam), _to_the_tip(line.places, guide)
     places = stations(path, mean.shape)
-    if len(places) < THRESHOLDS.min_stations:
+    if places.size < THRESHOLDS.min_stations:
         raise InputError(
-            f"the rest images show {len(places)} columns of the beam, "
+            f"the rest images show {places.size} columns of the beam, "
             f"needed are {THRESHOLDS.min_stations}"
         )
     second_line = "" if line.second is None else _sentence(line.second, guide)
@@ -257,16 +256,13 @@ def _look_before(
     look = section_on_ground(mean, variance, rest.places, rest.radius, half, ground)
     # With the beam's own width, less of the ground is unknown.
     section, off_path = look.section, rest.places.sense * look.off_path
-    places = replace(rest.places, start=rest.places.start + off_path)
+    places = rest.places._replace(start=rest.places.start + off_path)
     reach = section.radius + 2.5 * section.spread + 0.5
     half = rest.half_width(section)
     moved = _moved(beam, rest.places, off_path)
     ground = learn_ground(rest.images, moved, reach, rest.noise, half) or ground
     table = profile(section)
-    fits = [
-        fit_columns(image, places, table, rest.noise, half, rest.full_scale, ground, look.amplitude)
-        for image in rest.images
-    ]
+    fits = replace(rest, places=places).fits(table, half, KnownGround(ground, look.amplitude))
     good = np.all([np.isfinite(f.sigma) for f in fits], axis=0)
     good &= look.amplitude * rest.polarity > 0
     check_count(good)
@@ -300,7 +296,7 @@ def _to_the_tip(places: Floats, guide: Guide) -> Floats:
 
 def _moved(beam: Floats, places: Stations, off_path: Floats) -> Floats:
     """Move a path (m, 2) [px] with its stations, by `off_path` (n,) across their columns."""
-    upright = 2 * np.count_nonzero(places.upright) >= len(places)
+    upright = 2 * np.count_nonzero(places.upright) >= places.size
     used = places.upright == upright
     order = np.argsort(places.along[used])
     axis = 0 if upright else 1

@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Profile, Section, profile
-from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
+from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.smooth import smooth_curve
 from solver.centreline.stations import Stations
 from solver.centreline.thresholds import THRESHOLDS
@@ -46,10 +46,10 @@ class RestColumns:
         """Tabulate a section's profiles along the beam at rest."""
         return profile(section, float(self.places.length[-1]))
 
-    def fits(self, table: Profile, half: int) -> list[Fits]:
+    def fits(self, table: Profile, half: int, known: KnownGround | None = None) -> list[Fits]:
         """Fit a profile to every image, on `half` pixels on either side of the beam."""
         return [
-            fit_profiles(image, self.places, table, self.noise, half, self.full_scale)
+            fit_profiles(image, self.places, table, self.noise, half, self.full_scale, known)
             for image in self.images
         ]
 
