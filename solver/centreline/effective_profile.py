@@ -13,6 +13,7 @@ import numpy as np
 
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Profile, interpolated, spline_profile
+from solver.centreline.smooth import REST_DEGREE
 from solver.centreline.stations import Stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
@@ -24,8 +25,6 @@ KNOT_PX, KNOTS = 1 / 3, 20
 MAX_STEP_PX = 0.5
 # A profile's edges are where it falls to this share of its largest value. Chosen: above the noise.
 EDGE = 0.1
-# Degree of the smooth course of centre and amplitude: bow and distortion have no finer detail.
-DEGREE = 4
 # Largest number of rounds in which profile and course are improved together. Chosen.
 ROUNDS = 12
 # A round that improves chi^2 by less than this fraction is the last one. Chosen.
@@ -170,9 +169,9 @@ def _spline(design: Floats, gray: Floats, n_knots: int) -> Floats:
 
 
 def course_basis(length: Floats, used: Floats) -> Floats:
-    """Evaluate the polynomials (n, DEGREE + 1) of a smooth course at lengths (n,) of a path.
+    """Evaluate the polynomials (n, REST_DEGREE + 1) of a smooth course at lengths (n,) of a path.
 
     They are orthogonal over the range of the lengths that are `used`, and constant beyond it.
     """
     unit = np.clip(2 * (length - used[0]) / max(float(np.ptp(used)), 1.0) - 1, -1, 1)
-    return np.polynomial.chebyshev.chebvander(unit, DEGREE)
+    return np.polynomial.chebyshev.chebvander(unit, int(REST_DEGREE))

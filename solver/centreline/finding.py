@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.candidates import candidates
-from solver.centreline.guide import Guide
+from solver.centreline.guide import PLACES, Guide
 from solver.centreline.noise import Noise
 from solver.centreline.smooth import curve
 from solver.centreline.thresholds import THRESHOLDS
@@ -26,8 +26,6 @@ from solver.instrument.medians import median
 DISTANCES = np.linspace(0.08, 1.0, 12)
 # Trials between them, over the best of them, and how much nearer their candidates must be. Chosen.
 BETWEEN, NEARER = np.linspace(0.85, 1.15, 9), 3
-# Places of a path over the beam's length.
-PLACES = np.linspace(0.0, 1.06, 96)
 # Number of candidates tried as points of the beam.
 ANCHORS = 60
 # Degree of the smooth curve beside the shape. A numpy scalar is compiled once, a literal anew.

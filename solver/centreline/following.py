@@ -9,8 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from solver.centreline.finding import PLACES
-from solver.centreline.guide import Guide
+from solver.centreline.guide import PLACES, Guide
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
@@ -34,7 +33,7 @@ def follow(points: Floats, guide: Guide, measure: Measure) -> Floats | None:
     if len(points) < THRESHOLDS.min_curve_points:
         return None
     clamp = guide.pixels(np.zeros((1, 2)))
-    end = 1.06 * guide.length
+    end = PLACES[-1] * guide.length
     nodes = _nodes(np.vstack([clamp, points]))
     gap = 0
     while gap < MAX_GAP_STEPS and _length(guide.places(nodes)) < end:
