@@ -82,12 +82,10 @@ class BeamExtractor:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
         appearance, guide = self.appearance, self.guide
         max_tilt = THRESHOLDS.max_tilt if guide.free_tilt else 0.0
-        ground, flat = appearance.ground_at_rest, image
-        gain = None if ground is None else ground.gain(image)
-        if ground is None or gain is None:
-            ground = None
-        else:
-            flat = ground.flattened(image, gain, appearance.full_scale)
+        ground = appearance.ground_at_rest
+        flat = None if ground is None else ground.subtracted(image, appearance.full_scale)
+        if flat is None:
+            ground, flat = None, image
         path = find_path(flat, guide, appearance.polarity, appearance.noise, max_tilt)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))

@@ -61,11 +61,15 @@ class Ground(NamedTuple):
         )
         return gain if known < unknown else None
 
-    def flattened(self, image: Grey, gain: float, full_scale: int) -> Grey:
+    def subtracted(self, image: Grey, full_scale: int) -> Grey | None:
         """Subtract the ground's structure from an image (height, width), for the beam's detection.
 
-        The result has the image's type; pixels at `full_scale` keep their value.
+        The result has the image's type; pixels at `full_scale` keep their value. It is None if the
+        image does not show this ground.
         """
+        gain = self.gain(image)
+        if gain is None:
+            return None
         flat = image - np.float32(gain) * (self.gray - np.float32(self.level))
         flat = np.clip(np.rint(flat), 0, full_scale).astype(image.dtype)
         return np.where(image >= full_scale, image, flat)

@@ -50,14 +50,13 @@ class Profile(NamedTuple):
 
     Table j is for the section whose `radius` (k,) [px] is the j-th, from the clamp to the tip. Row
     i is for a beam that climbs i / (SLOPES - 1) px per column; the middle of a row is the axis; its
-    sum times STEP is one over the cosine of the climb, so that amplitudes are comparable. `reach`
-    [px] is that of the tables, and `length` [px] that of the beam along its path.
+    sum times STEP is one over the cosine of the climb, so that amplitudes are comparable. `length`
+    [px] is that of the beam along its path.
     """
 
     value: Floats
     slope: Floats
     radius: Floats
-    reach: float
     length: float
 
 
@@ -71,7 +70,7 @@ def profile(section: Section, length: float = 1.0) -> Profile:
         _tabulated(fine, _spread(fine, replace(section, radius=float(radius)))) for radius in radii
     ]
     value, slope = np.stack(tables, axis=1)
-    return Profile(value, slope, radii, float(fine[-1]), length)
+    return Profile(value, slope, radii, length)
 
 
 def spline_profile(values: Floats, step: float, reach: float) -> Profile:
@@ -84,7 +83,7 @@ def spline_profile(values: Floats, step: float, reach: float) -> Profile:
     last = len(values) // 2 + 1
     knots = step * np.arange(-last, last + 1)
     value, slope = _tabulated(fine, np.interp(fine, knots, np.concatenate([[0.0], values, [0.0]])))
-    return Profile(value[None], slope[None], np.array([reach]), float(fine[-1]), 1.0)
+    return Profile(value[None], slope[None], np.array([reach]), 1.0)
 
 
 @njit
