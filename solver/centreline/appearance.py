@@ -15,21 +15,19 @@ from solver.centreline.effective_profile import (
     read_columns,
 )
 from solver.centreline.ground import Ground, learn_ground
-from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile, tilt_response
-from solver.centreline.profile_fit import MARGIN
-from solver.centreline.rest_columns import RestColumns, Shape, check_count
+from solver.centreline.profile_fit import MARGIN, KnownGround
+from solver.centreline.rest_columns import RestColumns, Shape, check_count, shape_of
 from solver.centreline.rest_detection import find_rest_line
-from solver.centreline.second_line import SecondLine
-from solver.centreline.section_on_ground import section_on_ground
+from solver.centreline.second_line import describe
+from solver.centreline.section_on_ground import BeamOnGround, section_on_ground
 from solver.centreline.section_search import find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
-from solver.instrument.medians import SIGMA_OVER_MAD
 from solver.instrument.transforms import turn_about_z
 
 # Trial widths, times the rig's diameter: a round beam looks wider out of focus, and a flat strip is
@@ -121,12 +119,8 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     on_beam = line.places[(line.places[:, 0] > 0) & (line.places[:, 0] < 0.98 * guide.length)]
     path, beam = guide.pixels(on_beam), _to_the_tip(line.places, guide)
     places = stations(path, mean.shape)
-    if len(places) < THRESHOLDS.min_stations:
-        raise InputError(
-            f"the rest images show {len(places)} columns of the beam, "
-            f"needed are {THRESHOLDS.min_stations}"
-        )
-    second_line = "" if line.second is None else _sentence(line.second, guide)
+    check_count(places.size)
+    second_line = "" if line.second is None else describe(line.second, guide)
     clear = math.inf if line.second is None else line.second.clear_px
     needed = math.ceil(guide.radius_px + FIRST_REACH_PX) + 1
     overlap = 0.0 if line.second is None or clear >= needed else abs(line.second.contrast)
@@ -134,10 +128,14 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     apart = max(clear, needed)
     rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale, apart)
     reach = guide.radius_px + FIRST_REACH_PX
-    ground = learn_ground(images, beam, reach, noise, int(reach + 0.5) + MARGIN)
+    half = int(reach + 0.5) + MARGIN
+    ground = learn_ground(images, beam, reach, noise, half)
     if ground is not None:
         # A nearer line is a part of the ground. What is left moves the beam alike at rest and bent.
-        look = _look_before(rest, ground, beam, stated)
+        start = section_on_ground(
+            mean, noise.variance(mean) / len(images), places, rest.radius, half, ground
+        )
+        look = _look_before(rest, ground, start, beam, stated)
     elif overlap > THRESHOLDS.max_overlap_contrast:
         raise InputError(
             f"{second_line}; it begins {clear:.1f} px from the beam's axis, needed are {needed}"
@@ -162,22 +160,6 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     radius = look.section.radius * guide.pixel
     look = replace(look, second_line=second_line, second_line_sigma_px=moved_px)
     return look, replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
-
-
-def _sentence(second: SecondLine, guide: Guide) -> str:
-    """Describe a line beside the beam by its distance, side and contrast, with what to do."""
-    across = guide.pixel * second.offset
-    here, there = guide.pixels(np.array([[0.5 * guide.length, 0.0], [0.5 * guide.length, across]]))
-    right, down = there - here
-    if abs(down) >= abs(right):
-        side = "below" if down > 0 else "above"
-    else:
-        side = "right of" if right > 0 else "left of"
-    return (
-        f"the rest images show a second line parallel to the beam, {abs(second.offset):.0f} px "
-        f"{side} it, with {abs(second.contrast):.2g} times its contrast: a shadow, a reflection or "
-        "another wire; remove it, or move the lamp or the ground"
-    )
 
 
 def _sampled(rest: RestColumns) -> EffectiveProfile | None:
@@ -214,27 +196,53 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
     if shape is None:
         raise InputError("the rest images show no beam of the rig's diameter")
     fits, good = shape.fits, shape.good
-    noise_variance = float(np.mean([f.sigma[good] ** 2 for f in fits])) / len(fits)
-    amplitude = np.mean([f.amplitude for f in fits], axis=0)
+    amplitude = np.mean([f.amplitude for f in fits], axis=0)[good]
     # What is not known of the section moves all centres at rest alike.
     unknown = [float(np.median(np.abs(shape.centre - other.centre)[good])) for other in others]
-    excess = max(shape.scatter**2 - noise_variance, 0.0)
+    look = _described_by(
+        shape,
+        rest,
+        # The median filter removes the noise of single columns.
+        amplitude=median_filter(amplitude, 21, mode="nearest"),
+        noise_variance=float(np.mean([f.sigma[good] ** 2 for f in fits])) / len(fits),
+        ground=float(np.median([np.median(f.background[good]) for f in fits])),
+        radius=radius,
+    )
+    return replace(
+        look,
+        sigma_px=math.hypot(look.sigma_px, *unknown),
+        is_sampled=sampled is not None and shape.table is sampled,
+        in_part=rest.in_part,
+    )
+
+
+def _described_by(
+    shape: Shape,
+    rest: RestColumns,
+    *,
+    amplitude: Floats,
+    noise_variance: float,
+    ground: float,
+    radius: float | None,
+) -> Appearance:
+    """Describe the beam by its shape, and by the `amplitude` (n,) of its good columns.
+
+    `noise_variance` [px^2] is the part of the centres' scatter that comes from noise, `ground` the
+    gray value beside the beam, and `radius` [px] the rig's, None for a flat strip.
+    """
     return Appearance(
         polarity=rest.polarity,
         noise=rest.noise,
         section=shape.section,
         profile=shape.table,
-        # The median filter removes the noise of single columns.
-        amplitude=median_filter(amplitude[good], 21, mode="nearest"),
-        length=rest.places.length[good],
+        amplitude=amplitude,
+        length=rest.places.length[shape.good],
         misfit=max(1.0, shape.misfit),
-        sigma_px=math.hypot(math.sqrt(excess), *unknown),
-        ground=float(np.median([np.median(f.background[good]) for f in fits])),
+        sigma_px=math.sqrt(max(shape.scatter**2 - noise_variance, 0.0)),
+        ground=ground,
         half=rest.half_width(shape.section),
         radius=radius or shape.section.radius,
         full_scale=rest.full_scale,
-        is_sampled=sampled is not None and shape.table is sampled,
-        in_part=rest.in_part,
     )
 
 
@@ -248,48 +256,32 @@ def _described(rest: RestColumns) -> list[Shape]:
 
 
 def _look_before(
-    rest: RestColumns, ground: Ground, beam: Floats, radius: float | None
+    rest: RestColumns, ground: Ground, start: BeamOnGround, beam: Floats, radius: float | None
 ) -> Appearance:
-    """Estimate the section before a ground with structure; `beam` (n, 2) [px] is its path."""
-    mean = np.mean([np.asarray(image, np.float64) for image in rest.images], axis=0)
-    variance = rest.noise.variance(mean) / len(rest.images)
-    half = int(rest.radius + FIRST_REACH_PX + 0.5) + MARGIN
-    look = section_on_ground(mean, variance, rest.places, rest.radius, half, ground)
+    """Describe the beam before a ground with structure; `beam` (n, 2) [px] is its path."""
+    section, off_path = start.section, rest.places.sense * start.off_path
     # With the beam's own width, less of the ground is unknown.
-    section, off_path = look.section, rest.places.sense * look.off_path
-    places = replace(rest.places, start=rest.places.start + off_path)
-    reach = section.radius + 2.5 * section.spread + 0.5
-    half = rest.half_width(section)
+    reach, half = section.radius + 2.5 * section.spread + 0.5, rest.half_width(section)
     moved = _moved(beam, rest.places, off_path)
     ground = learn_ground(rest.images, moved, reach, rest.noise, half) or ground
+    rest = replace(rest, places=rest.places._replace(start=rest.places.start + off_path))
     table = profile(section)
-    fits = [
-        fit_columns(image, places, table, rest.noise, half, rest.full_scale, ground, look.amplitude)
-        for image in rest.images
-    ]
+    fits = rest.fits(table, half, KnownGround(ground, start.amplitude))
     good = np.all([np.isfinite(f.sigma) for f in fits], axis=0)
-    good &= look.amplitude * rest.polarity > 0
-    check_count(good)
-    residual = np.mean([f.centre for f in fits], axis=0)[good] - places.start[good]
-    # The error of the interpolated ground is the same in all images. Where it is like the beam,
-    # a sigma may be of any size.
-    variance_px = float(np.median([f.sigma[good] for f in fits])) ** 2
-    scatter = (SIGMA_OVER_MAD * np.median(np.abs(residual))) ** 2
-    return Appearance(
-        polarity=rest.polarity,
-        noise=rest.noise,
-        section=section,
-        profile=table,
-        amplitude=look.amplitude[good],
-        length=rest.places.length[good],
-        misfit=max(1.0, float(np.median([f.chi2[good] / f.dof[good] for f in fits]))),
-        sigma_px=float(np.sqrt(max(scatter - variance_px, 0.0))),
+    good &= start.amplitude * rest.polarity > 0
+    centre = rest.off_path(fits)
+    shape = shape_of(section, table, fits, centre, good, course=np.zeros_like(centre))
+    look = _described_by(
+        shape,
+        rest,
+        amplitude=start.amplitude[good],
+        # The error of the interpolated ground is the same in all images. Where it is like the beam,
+        # a sigma may be of any size.
+        noise_variance=float(np.median([f.sigma[good] for f in fits])) ** 2,
         ground=ground.level,
-        half=half,
-        radius=radius or section.radius,
-        full_scale=rest.full_scale,
-        ground_at_rest=ground,
+        radius=radius,
     )
+    return replace(look, ground_at_rest=ground)
 
 
 def _to_the_tip(places: Floats, guide: Guide) -> Floats:
@@ -300,7 +292,7 @@ def _to_the_tip(places: Floats, guide: Guide) -> Floats:
 
 def _moved(beam: Floats, places: Stations, off_path: Floats) -> Floats:
     """Move a path (m, 2) [px] with its stations, by `off_path` (n,) across their columns."""
-    upright = 2 * np.count_nonzero(places.upright) >= len(places)
+    upright = 2 * np.count_nonzero(places.upright) >= places.size
     used = places.upright == upright
     order = np.argsort(places.along[used])
     axis = 0 if upright else 1

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from solver.centreline import Centreline, Flag
 from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import MARGIN
+from solver.centreline.stations import column_pixels
 from solver.instrument.arrays import Floats, Grey
 
 
@@ -43,10 +43,13 @@ class CentroidExtractor:
         """
         centreline, appearance = self.beam(image), self.beam.appearance
         upright = centreline.directions[:, 1] != 0
-        window = _windows(image, centreline.points, upright, appearance.half)
+        u, v = np.rint(centreline.points).astype(np.int64).T
+        along, middle = np.where(upright, (u, v), (v, u))
+        pixels = column_pixels(along, middle, upright, appearance.half)
+        window = np.asarray(image[pixels], dtype=np.float64)
         saturated = window >= appearance.full_scale
         centre, variance = _centroids(window, appearance.half, appearance.noise.variance(window))
-        centre += np.rint(np.where(upright, centreline.points[:, 1], centreline.points[:, 0]))
+        centre += middle
         good = ~saturated.any(axis=1) & np.isfinite(centre) & np.isfinite(variance)
         points = np.array(centreline.points)
         points[upright, 1], points[~upright, 0] = centre[upright], centre[~upright]
@@ -65,15 +68,6 @@ class CentroidExtractor:
 def learn_centroid(images: Sequence[Grey], guide: Guide) -> CentroidExtractor:
     """Learn the beam from images (height, width) of it at rest. Raises InputError."""
     return CentroidExtractor(learn_profile_fit(images, guide))
-
-
-def _windows(image: Grey, points: Floats, upright: npt.NDArray[np.bool_], half: int) -> Floats:
-    """Return gray values (n, 2 half + 1) about points (n, 2), along their columns or rows."""
-    u, v = np.rint(points).astype(np.int64).T
-    offsets = np.arange(-half, half + 1)
-    rows = v[:, None] + np.where(upright[:, None], offsets, 0)
-    columns = u[:, None] + np.where(upright[:, None], 0, offsets)
-    return np.asarray(image[rows, columns], dtype=np.float64)
 
 
 def _centroids(window: Floats, half: int, variance: Floats) -> tuple[Floats, Floats]:

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.noise import ROUNDING, Noise
+from solver.centreline.noise import Noise, pixel_variance
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
@@ -14,6 +14,7 @@ MAX_PER_LINE = 6
 SIDE, GAP = 2, 1
 
 
+@njit
 def candidates(
     image: Grey,
     lines: npt.NDArray[np.uint64],
@@ -22,36 +23,23 @@ def candidates(
     polarity: int,
     noise: Noise,
 ) -> Floats:
-    """Detect candidates; return rows (m, 4): line, place [px], contrast [gray] and its sigma.
+    """Detect candidates; return rows (m, 3): line, place [px] and contrast [gray].
 
     `lines` are pixel columns, or rows where not `upright`. The mean of `core` pixels must exceed
     the higher of the means on its two sides (fall short of the lower, where `polarity` is -1), so
     that edges, which are higher than one side only, are no candidates. Places are refined by a
     parabola.
     """
-    return _scan(image, lines, upright, core, polarity, noise.dark, noise.per_gray)
-
-
-@njit
-def _scan(
-    image: Grey,
-    lines: npt.NDArray[np.uint64],
-    upright: bool,
-    core: int,
-    polarity: int,
-    dark: float,
-    per_gray: float,
-) -> Floats:
     response, level, largest = _responses(_summed(image, lines, upright, polarity), core)
     margin = core // 2 + GAP + SIDE
     # Threshold at the least possible noise, in units of `response`.
     scale = 1.0 / (core * SIDE)
     threshold = (
         THRESHOLDS.candidate_sigmas
-        * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE))
+        * np.sqrt(pixel_variance(noise, 0.0) * (1.0 / core + 1.0 / SIDE))
         / scale
     )
-    out, count = np.empty((len(lines), MAX_PER_LINE, 4)), np.zeros(len(lines), np.int64)
+    out, count = np.empty((len(lines), MAX_PER_LINE, 3)), np.zeros(len(lines), np.int64)
     for v in range(margin + 1, len(response) - margin - 1):
         if largest[v] < threshold:
             continue
@@ -61,7 +49,7 @@ def _scan(
                 continue
             r = here[j] * scale
             gray = abs(level[v, j]) / SIDE + r / 2
-            variance = max(dark + per_gray * gray, ROUNDING) * (1.0 / core + 1.0 / SIDE)
+            variance = pixel_variance(noise, gray) * (1.0 / core + 1.0 / SIDE)
             if r * r < THRESHOLDS.candidate_sigmas**2 * variance:
                 continue
             curvature = before[j] - 2 * here[j] + after[j]
@@ -72,8 +60,7 @@ def _scan(
             if slot == MAX_PER_LINE:
                 continue
             count[j] = max(count[j], slot + 1)
-            out[j, slot, 0], out[j, slot, 1] = lines[j], place
-            out[j, slot, 2], out[j, slot, 3] = r, np.sqrt(variance)
+            out[j, slot, 0], out[j, slot, 1], out[j, slot, 2] = lines[j], place, r
     return _packed(out, count)
 
 
@@ -138,11 +125,11 @@ def _packed(out: Floats, count: npt.NDArray[np.int64]) -> Floats:
     total = 0
     for j in range(len(count)):
         total += count[j]
-    packed = np.empty((total, 4))
+    packed = np.empty((total, 3))
     total = 0
     for j in range(len(count)):
         for k in range(count[j]):
-            for i in range(4):
+            for i in range(3):
                 packed[total, i] = out[j, k, i]
             total += 1
     return packed

@@ -13,6 +13,7 @@ import numpy as np
 
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Profile, interpolated, spline_profile
+from solver.centreline.smooth import REST_DEGREE
 from solver.centreline.stations import Stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
@@ -24,8 +25,6 @@ KNOT_PX, KNOTS = 1 / 3, 20
 MAX_STEP_PX = 0.5
 # A profile's edges are where it falls to this share of its largest value. Chosen: above the noise.
 EDGE = 0.1
-# Degree of the smooth course of centre and amplitude: bow and distortion have no finer detail.
-DEGREE = 4
 # Largest number of rounds in which profile and course are improved together. Chosen.
 ROUNDS = 12
 # A round that improves chi^2 by less than this fraction is the last one. Chosen.
@@ -43,7 +42,7 @@ class Columns(NamedTuple):
     """Pixels of n columns across the beam: `gray` (n, m) and its `variance`.
 
     `offset` (n, m) [px] is a pixel's distance from the path along the column, in the sense of the
-    path's normal; `climb` (n, 1) is the column's, and `length` (n,) [px] its place along the path.
+    path's normal; `climb` (n,) is the column's, and `length` (n,) [px] its place along the path.
     """
 
     gray: Floats
@@ -60,27 +59,17 @@ def read_columns(
 
     Columns with too few pixels below full scale are left out.
     """
-    middle = np.rint(places.start).astype(np.int64)
-    height, width = images[0].shape
-    size = np.array([width, height])[places.upright.astype(np.int64)]
-    used = np.flatnonzero((middle >= half) & (middle < size - half))
-    used = used[:: max(-(-len(used) // MAX_COLUMNS), 1)]
-    across = middle[used, None] + np.arange(-half, half + 1)
-    along = np.broadcast_to(places.along[used, None], across.shape)
-    upright = places.upright[used, None]
-    v, u = np.where(upright, across, along), np.where(upright, along, across)
-    pixels = np.array([image[v, u] for image in images], np.float64)
+    places = places.take(places.within(half, images[0].shape))
+    places = places.take(slice(None, None, max(-(-places.size // MAX_COLUMNS), 1)))
+    index = places.pixels(half)
+    pixels = np.array([image[index] for image in images], np.float64)
     gray = pixels.mean(axis=0)
     variance = np.array(noise.variance(gray)) / len(pixels)
     variance[(pixels >= full_scale).any(axis=0)] = np.inf
     enough = np.isfinite(variance).sum(axis=1) >= THRESHOLDS.min_pixels
-    used, across = used[enough], across[enough]
+    places = places.take(enough)
     return Columns(
-        gray=gray[enough],
-        variance=variance[enough],
-        offset=places.sense[used, None] * (across - places.start[used, None]),
-        climb=np.minimum(np.abs(places.climb[used, None]), 1.0),
-        length=places.length[used],
+        gray[enough], variance[enough], places.offset(half), np.abs(places.climb), places.length
     )
 
 
@@ -102,7 +91,7 @@ def effective_profile(columns: Columns, reach: float, polarity: int) -> Effectiv
     weight = 1 / np.sqrt(columns.variance)
     step = max(KNOT_PX, reach / KNOTS)
     knots = step * np.arange(-int(reach / step), int(reach / step) + 1)
-    basis = np.polynomial.chebyshev.chebvander(_unit(columns.length), DEGREE)
+    basis = course_basis(columns.length, columns.length)
     x = np.broadcast_to(np.linspace(-1, 1, columns.gray.shape[1]), columns.gray.shape)
     line = np.linalg.qr(np.stack([np.ones_like(x), x], axis=-1) * weight[..., None])[0]
 
@@ -113,7 +102,7 @@ def effective_profile(columns: Columns, reach: float, polarity: int) -> Effectiv
 
     gray = beyond_line(columns.gray[..., None])[..., 0]
     hat = spline_profile(np.ones(1), step, reach)
-    stretch = np.hypot(1.0, columns.climb)
+    stretch = np.hypot(1.0, columns.climb)[:, None]
     centre, amplitude = np.zeros(basis.shape[1]), np.eye(basis.shape[1])[0]
     good, least = np.ones(len(gray), bool), np.inf
     best = None
@@ -179,6 +168,10 @@ def _spline(design: Floats, gray: Floats, n_knots: int) -> Floats:
     return np.asarray(np.linalg.solve(normal, right))
 
 
-def _unit(length: Floats) -> Floats:
-    """Map lengths to -1 to 1."""
-    return np.asarray(2 * (length - length[0]) / max(float(np.ptp(length)), 1.0) - 1)
+def course_basis(length: Floats, used: Floats) -> Floats:
+    """Evaluate the polynomials (n, REST_DEGREE + 1) of a smooth course at lengths (n,) of a path.
+
+    They are orthogonal over the range of the lengths that are `used`, and constant beyond it.
+    """
+    unit = np.clip(2 * (length - used[0]) / max(float(np.ptp(used)), 1.0) - 1, -1, 1)
+    return np.polynomial.chebyshev.chebvander(unit, int(REST_DEGREE))

@@ -6,21 +6,19 @@ beam's appearance is learned from the images of it at rest.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from solver.centreline import Centreline, down_columns
 from solver.centreline.appearance import Appearance, learn_appearance
-from solver.centreline.finding import Path, find_path
-from solver.centreline.flags import fit_and_flag_outliers, flag_columns
+from solver.centreline.finding import find_path
+from solver.centreline.flags import Columns, fit_and_flag_outliers, flag_columns
 from solver.centreline.following import follow
 from solver.centreline.ground import Ground
-from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
-from solver.centreline.profile_fit import Fits
+from solver.centreline.profile_fit import KnownGround, fit_profiles
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.tip import TipEstimate, find_tip
@@ -50,6 +48,19 @@ class Extractor(Protocol):
         ...
 
 
+class _Course(NamedTuple):
+    """Columns at n stations, and the beam's course along them.
+
+    `on_beam` (n,) are the stations before the tip, `smooth` [px] is the beam's course beside the
+    path, of length 0 if too few columns show the beam.
+    """
+
+    columns: Columns
+    on_beam: Mask
+    tip: TipEstimate | None
+    smooth: Floats
+
+
 @dataclass(frozen=True)
 class BeamExtractor:
     """Beam extractor by a profile fit at every column that crosses the beam."""
@@ -71,12 +82,10 @@ class BeamExtractor:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
         appearance, guide = self.appearance, self.guide
         max_tilt = THRESHOLDS.max_tilt if guide.free_tilt else 0.0
-        ground, flat = appearance.ground_at_rest, image
-        gain = None if ground is None else ground.gain(image)
-        if ground is None or gain is None:
-            ground = None
-        else:
-            flat = ground.flattened(image, gain, appearance.full_scale)
+        ground = appearance.ground_at_rest
+        flat = None if ground is None else ground.subtracted(image, appearance.full_scale)
+        if flat is None:
+            ground, flat = None, image
         path = find_path(flat, guide, appearance.polarity, appearance.noise, max_tilt)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
@@ -104,95 +113,62 @@ class BeamExtractor:
     def _centres(self, image: Grey, ground: Ground | None, nodes: Floats) -> Floats:
         """Measure the centres (n, 2) [px] of columns along nodes (m, 2) that look like the beam."""
         places = stations(nodes, image.shape)
-        if not len(places):
+        if not places.size:
             return np.empty((0, 2))
-        fits, at_rest = self._fit(image, places, ground)
-        brightness, misfit, _, _ = self._compared(fits, at_rest)
-        flags = self._flags(fits, brightness, misfit)
-        good = flags == 0
-        along, centre = places.along[good], fits.centre[good]
+        columns = self._fit(image, places, ground)
+        good = columns.flags == 0
+        along, centre = places.along[good], columns.fits.centre[good]
         upright = places.upright[good, None]
         return np.where(upright, np.column_stack([along, centre]), np.column_stack([centre, along]))
 
-    def _fit(self, image: Grey, places: Stations, ground: Ground | None) -> tuple[Fits, Floats]:
-        """Fit the columns at n stations; return also their amplitudes (n,) at rest."""
-        appearance = self.appearance
-        at_rest = np.interp(places.length, appearance.length, appearance.amplitude)
-        fits = fit_columns(
-            image,
-            places,
-            appearance.profile,
-            appearance.noise,
-            appearance.half,
-            appearance.full_scale,
-            ground,
-            at_rest,
+    def _fit(self, image: Grey, places: Stations, ground: Ground | None) -> Columns:
+        """Fit the columns at n stations, and flag those that do not look like the beam at rest."""
+        look = self.appearance
+        at_rest = np.interp(places.length, look.length, look.amplitude)
+        known = None if ground is None else KnownGround(ground, at_rest)
+        fits = fit_profiles(
+            image, places, look.profile, look.noise, look.half, look.full_scale, known
         )
-        return fits, at_rest
+        compared = flag_columns(fits, at_rest, look.misfit, look.sigma_px, look.in_part)
+        return Columns(fits, *compared)
 
-    def _compared(self, fits: Fits, at_rest: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        appearance = self.appearance
-        return _compare_with_rest(
-            fits.amplitude, fits.chi2, fits.dof, fits.sigma,
-            at_rest, appearance.misfit, appearance.sigma_px,
-        )  # fmt: skip
-
-    def _flags(self, fits: Fits, brightness: Floats, misfit: Floats) -> npt.NDArray[np.uint8]:
-        """Flag columns (n,) that do not look like the beam at rest."""
-        flags: npt.NDArray[np.uint8] = flag_columns(
-            brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated,
-            self.appearance.in_part,
-        )  # fmt: skip
-        return flags
-
-    def _measure(self, image: Grey, flat: Grey, ground: Ground | None, path: Path) -> Centreline:
-        """Measure the centreline along a path, before a known ground if there is one.
+    def _measure(self, image: Grey, flat: Grey, ground: Ground | None, path: Floats) -> Centreline:
+        """Measure the centreline along a path (m, 2) [m], before a known ground if there is one.
 
         `flat` is the image without the ground's structure.
         """
-        appearance = self.appearance
-        places = stations(self.guide.pixels(path.places), image.shape)
-        if len(places) < THRESHOLDS.min_curve_points:
+        places = stations(self.guide.pixels(path), image.shape)
+        if places.size < THRESHOLDS.min_curve_points:
             return down_columns(np.empty((0, 2)), np.empty(0))
-        columns = self._columns(image, flat, ground, places)
-        if appearance.is_sampled and len(columns.smooth):
+        course = self._course(image, flat, ground, places)
+        if self.appearance.is_sampled and len(course.smooth):
             # Beside its middle, a profile of several lobes fits at wrong places, too.
-            start = places.start + places.sense * columns.smooth
-            places = replace(places, start=start)
-            columns = self._columns(image, flat, ground, places)
-        fits, flags, tip, smooth = columns.fits, columns.flags, columns.tip, columns.smooth
-        if not len(smooth):
+            places = places._replace(start=places.start + places.sense * course.smooth)
+            course = self._course(image, flat, ground, places)
+        columns, tip = course.columns, course.tip
+        if not len(course.smooth):
             return down_columns(np.empty((0, 2)), np.empty(0))
-        brightness, sigma, noise = columns.brightness, columns.sigma, columns.noise
-        common_sigma, typical_brightness, background = _summary(
-            fits.centre, sigma, noise, brightness, fits.background, flags
+        common_sigma, brightness, background = _summary(columns)
+        points, directions, sigma, rejected, reasons = _select(
+            places, columns, course.smooth, course.on_beam, *image.shape
         )
-        height, width = image.shape
-        points, directions, good_sigma, rejected, reasons = _select(
-            places.along, places.upright, places.start, places.sense,
-            fits.centre, smooth, sigma, flags, columns.on_beam, height, width,
-        )  # fmt: skip
         return Centreline(
             points=points,
             directions=directions,
-            sigma=good_sigma,
+            sigma=sigma,
             rejected=rejected,
             flags=reasons,
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
-            common_sigma=math.hypot(common_sigma, appearance.second_line_sigma_px),
-            remark=self._remark(typical_brightness, background) if len(points) else "",
+            common_sigma=math.hypot(common_sigma, self.appearance.second_line_sigma_px),
+            remark=self._remark(brightness, background) if len(points) else "",
         )
 
-    def _columns(
-        self, image: Grey, flat: Grey, ground: Ground | None, places: Stations
-    ) -> "_Columns":
-        """Fit the columns at n stations, flag outliers, and find the tip."""
-        fits, at_rest = self._fit(image, places, ground)
-        brightness, misfit, noise, sigma = self._compared(fits, at_rest)
-        flags = self._flags(fits, brightness, misfit)
+    def _course(self, image: Grey, flat: Grey, ground: Ground | None, places: Stations) -> _Course:
+        """Fit the columns at n stations, find the tip, and flag outliers from a smooth course."""
+        columns = self._fit(image, places, ground)
         length_px = self.guide.length / self.guide.pixel
-        tip = find_tip(flat, places, flags, fits, self.appearance)
+        tip = find_tip(flat, places, columns, self.appearance)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
         if (
             tip is not None
@@ -203,9 +179,11 @@ class BeamExtractor:
         on_beam = places.length < (length_px if tip is None else tip.length - 1.5)
         # Offsets from the path along its normal: a beam that is read by columns first and then
         # by rows remains one curve.
-        off_path = places.sense * (fits.centre - places.start)
-        smooth = fit_and_flag_outliers(places.length, off_path, sigma, brightness, on_beam, flags)
-        return _Columns(fits, brightness, noise, sigma, flags, on_beam, tip, smooth)
+        off_path = places.sense * (columns.fits.centre - places.start)
+        smooth = fit_and_flag_outliers(
+            places.length, off_path, columns.sigma, columns.brightness, on_beam, columns.flags
+        )
+        return _Course(columns, on_beam, tip, smooth)
 
     def _remark(self, beam: float, background: float) -> str:
         """Describe the change of brightness of beam and background since rest; "" if small."""
@@ -227,109 +205,52 @@ class BeamExtractor:
         )
 
 
-class _Columns(NamedTuple):
-    """Fits at n stations, and arrays (n,) of their brightness over that at rest, sigmas and flags.
-
-    `noise` [px] is the sigma of the sensor's noise, `sigma` includes the other errors; `on_beam`
-    are the stations before the tip, `smooth` [px] is the beam's course beside the path, of length
-    0 if too few columns show the beam.
-    """
-
-    fits: Fits
-    brightness: Floats
-    noise: Floats
-    sigma: Floats
-    flags: npt.NDArray[np.uint8]
-    on_beam: Mask
-    tip: TipEstimate | None
-    smooth: Floats
-
-
 @njit
-def _compare_with_rest(
-    amplitude: Floats,
-    chi2: Floats,
-    dof: npt.NDArray[np.int64],
-    fit_sigma: Floats,
-    amplitude_at_rest: Floats,
-    misfit_at_rest: float,
-    sigma_at_rest: float,
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Compute brightness and misfit (n,) over those at rest, and sigmas (n,) [px] of the centres.
-
-    The first sigma is that of the sensor's noise, the second includes the other errors at rest.
-    """
-    n = len(amplitude)
-    brightness, misfit, noise, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    for i in range(n):
-        brightness[i] = amplitude[i] / amplitude_at_rest[i]
-        misfit[i] = chi2[i] / max(dof[i], 1) / misfit_at_rest
-        noise[i] = fit_sigma[i] * np.sqrt(max(misfit[i], 1.0))
-        sigma[i] = np.sqrt(noise[i] ** 2 + sigma_at_rest**2)
-    return brightness, misfit, noise, sigma
-
-
-@njit
-def _summary(
-    centre: Floats,
-    sigma: Floats,
-    noise: Floats,
-    brightness: Floats,
-    background: Floats,
-    flags: npt.NDArray[np.uint8],
-) -> tuple[float, float, float]:
+def _summary(columns: Columns) -> tuple[float, float, float]:
     """Compute the sigma [px] of the points' mean error, and the median brightness and background.
 
     The error is the part that the sensor's noise does not explain. Such errors, mainly those of
     compression, follow the pixel grid: for a beam that crosses R pixel rows, only R + 1 of them
     are independent.
     """
-    good = flags == 0
+    good = columns.flags == 0
     if not good.any():
         return 0.0, 0.0, 0.0
-    excess = median(np.maximum(sigma[good] ** 2 - noise[good] ** 2, 0.0))
-    rows = centre[good].max() - centre[good].min()
-    return np.sqrt(excess / (1.0 + rows)), median(brightness[good]), median(background[good])
+    excess = median(np.maximum(columns.sigma[good] ** 2 - columns.noise[good] ** 2, 0.0))
+    centre = columns.fits.centre[good]
+    common_sigma = np.sqrt(excess / (1.0 + centre.max() - centre.min()))
+    return common_sigma, median(columns.brightness[good]), median(columns.fits.background[good])
 
 
 @njit
 def _select(
-    along: npt.NDArray[np.int64],
-    upright: Mask,
-    start: Floats,
-    sense: Floats,
-    centre: Floats,
-    smooth: Floats,
-    sigma: Floats,
-    flags: npt.NDArray[np.uint8],
-    on_beam: Mask,
-    height: int,
-    width: int,
+    places: Stations, columns: Columns, smooth: Floats, on_beam: Mask, height: int, width: int
 ) -> Any:
     """Select the measured and the rejected points; return five fields of `Centreline`.
 
     A rejected column's point is the smooth course of the beam in it, if that is in the image.
     """
-    n, n_good, n_rejected = len(along), _NONE, _NONE
-    points, directions, good_sigma = np.empty((n, 2)), np.zeros((n, 2)), np.empty(n)
+    n, n_good, n_rejected = len(smooth), _NONE, _NONE
+    points, directions, sigma = np.empty((n, 2)), np.zeros((n, 2)), np.empty(n)
     rejected, reasons = np.empty((n, 2)), np.empty(n, np.uint8)
     for i in range(n):
+        along, upright = places.along[i], places.upright[i]
         # The pixel's coordinates along the path and across it.
-        u, v = (0, 1) if upright[i] else (1, 0)
-        if flags[i] == 0:
-            points[n_good, u], points[n_good, v] = along[i], centre[i]
-            directions[n_good, v], good_sigma[n_good] = 1.0, sigma[i]
+        u, v = (0, 1) if upright else (1, 0)
+        if columns.flags[i] == 0:
+            points[n_good, u], points[n_good, v] = along, columns.fits.centre[i]
+            directions[n_good, v], sigma[n_good] = 1.0, columns.sigma[i]
             n_good += 1
             continue
-        expected = start[i] + sense[i] * smooth[i]
-        if on_beam[i] and -0.5 < expected < (height if upright[i] else width) - 0.5:
-            rejected[n_rejected, u], rejected[n_rejected, v] = along[i], expected
-            reasons[n_rejected] = flags[i]
+        expected = places.start[i] + places.sense[i] * smooth[i]
+        if on_beam[i] and -0.5 < expected < (height if upright else width) - 0.5:
+            rejected[n_rejected, u], rejected[n_rejected, v] = along, expected
+            reasons[n_rejected] = columns.flags[i]
             n_rejected += 1
     return (
         points[:n_good],
         directions[:n_good],
-        good_sigma[:n_good],
+        sigma[:n_good],
         rejected[:n_rejected],
         reasons[:n_rejected],
     )

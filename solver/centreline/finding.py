@@ -7,14 +7,13 @@ instead of random draws). Linear theory is off by a pixel where the beam bends f
 shape plus a smooth curve through the candidates beside it.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.candidates import candidates
-from solver.centreline.guide import Guide
+from solver.centreline.guide import PLACES, Guide
 from solver.centreline.noise import Noise
 from solver.centreline.smooth import curve
 from solver.centreline.thresholds import THRESHOLDS
@@ -26,8 +25,6 @@ from solver.instrument.medians import median
 DISTANCES = np.linspace(0.08, 1.0, 12)
 # Trials between them, over the best of them, and how much nearer their candidates must be. Chosen.
 BETWEEN, NEARER = np.linspace(0.85, 1.15, 9), 3
-# Places of a path over the beam's length.
-PLACES = np.linspace(0.0, 1.06, 96)
 # Number of candidates tried as points of the beam.
 ANCHORS = 60
 # Degree of the smooth curve beside the shape. A numpy scalar is compiled once, a literal anew.
@@ -35,19 +32,13 @@ _DEGREE: Any = np.int64(3)
 _NONE: Any = np.int64(0)
 
 
-@dataclass(frozen=True)
-class Path:
-    """Path of the beam, to about a pixel: places (n, 2) [m] of the beam's frame, evenly along x."""
-
-    places: Floats
-
-
 def find_path(
     image: Grey, guide: Guide, polarity: int, noise: Noise, max_tilt: float
-) -> Path | None:
-    """Find the beam's path in an image (height, width); return None where there is none.
+) -> Floats | None:
+    """Find the beam's path in an image (height, width), to about a pixel; None where there is none.
 
-    `max_tilt` [rad] is the largest turn of the beam about its clamp.
+    The path are places (n, 2) [m] of the beam's frame, evenly along x. `max_tilt` [rad] is the
+    largest turn of the beam about its clamp.
     """
     lines = guide.scan_lines
     core = max(2, round(2 * guide.radius_px))
@@ -77,7 +68,7 @@ def find_path(
     correction = curve(agreed[0], agreed[1], half_px, along, _DEGREE, THRESHOLDS.tukey_cut)
     if len(correction) > 0:
         across += correction
-    return Path(np.column_stack([along, across]))
+    return np.column_stack([along, across])
 
 
 @njit

@@ -1,9 +1,11 @@
 """Flags of the columns along a path that do not look like the beam at rest; compiled."""
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from solver.centreline.profile_fit import Fits
 from solver.centreline.smooth import (
     DEGREE,
     FINE_DEGREE,
@@ -29,22 +31,38 @@ _BRIGHTNESS_CUT: Final = 2.5
 _DISTURBED: Final = 4.5
 
 
+class Columns(NamedTuple):
+    """Fits at n stations, and arrays (n,) of their brightness over that at rest, sigmas and flags.
+
+    `noise` [px] is the sigma of the sensor's noise, `sigma` includes the other errors at rest. A
+    flag is 0 for a column that looks like the beam.
+    """
+
+    fits: Fits
+    brightness: Floats
+    noise: Floats
+    sigma: Floats
+    flags: npt.NDArray[np.uint8]
+
+
 @njit
 def flag_columns(
-    brightness: Floats,
-    misfit: Floats,
-    sigma: Floats,
-    amplitude: Floats,
-    amplitude_sigma: Floats,
-    saturated: Any,
-    in_part: bool,
+    fits: Fits, at_rest: Floats, misfit_at_rest: float, sigma_at_rest: float, in_part: bool
 ) -> Any:
-    """Flag columns (n,) by their own fit and their neighbours; 0 if they look like the beam.
+    """Compare columns (n,) with those at rest, and flag those that do not look like the beam.
 
-    `brightness` is relative to that at rest, `misfit` is the chi^2 per degree of freedom over its
-    typical value at rest; the other arguments are as in `Fits`. The profile was seen `in_part`
-    where it is known at some places between the pixels only.
+    Return the fields of `Columns` after the fits. `at_rest` are the amplitudes,
+    `misfit_at_rest` is the typical chi^2 per degree of freedom, and `sigma_at_rest` [px] that of
+    the errors that are not the sensor's noise. The profile was seen `in_part` where it is known at
+    some places between the pixels only.
     """
+    n = len(at_rest)
+    brightness, misfit, noise, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        brightness[i] = fits.amplitude[i] / at_rest[i]
+        misfit[i] = fits.chi2[i] / max(fits.dof[i], 1) / misfit_at_rest
+        noise[i] = fits.sigma[i] * np.sqrt(max(misfit[i], 1.0))
+        sigma[i] = np.sqrt(noise[i] ** 2 + sigma_at_rest**2)
     # A textured background raises the misfit of every column, and a profile that was seen in part
     # that of the columns at other places between the pixels.
     plausible = misfit[
@@ -55,15 +73,15 @@ def flag_columns(
         share = THRESHOLDS.in_part_share
         typical = quantile(plausible, share) if in_part else median(plausible)
         typical_misfit = max(typical, 1.0)
-    flags = np.zeros(len(brightness), np.uint8)
-    for i in range(len(brightness)):
+    flags = np.zeros(n, np.uint8)
+    for i in range(n):
         # On a textured background the amplitude must exceed a larger threshold.
-        enlarged_sigma = amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
+        enlarged_sigma = fits.amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
         faint = (
             brightness[i] < THRESHOLDS.min_brightness
-            or abs(amplitude[i]) < THRESHOLDS.amplitude_sigmas * enlarged_sigma
+            or abs(fits.amplitude[i]) < THRESHOLDS.amplitude_sigmas * enlarged_sigma
         )
-        if faint or not sigma[i] < THRESHOLDS.max_sigma_px:
+        if faint or not fits.sigma[i] < THRESHOLDS.max_sigma_px:
             flags[i] = HIDDEN
         elif brightness[i] > THRESHOLDS.max_brightness:
             flags[i] = FOREIGN
@@ -73,9 +91,9 @@ def flag_columns(
             local_misfit = min(local_median(misfit, i, _MISFIT_WIDTH), 30.0)
             if misfit[i] > THRESHOLDS.max_misfit * local_misfit:
                 flags[i] = FOREIGN
-        if flags[i] > 0 and saturated[i] > 0:
+        if flags[i] > 0 and fits.saturated[i] > 0:
             flags[i] = SATURATED
-    return flags
+    return brightness, noise, sigma, flags
 
 
 @njit

@@ -9,8 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from solver.centreline.finding import PLACES, Path
-from solver.centreline.guide import Guide
+from solver.centreline.guide import PLACES, Guide
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
@@ -26,15 +25,15 @@ MAX_GAP_STEPS = 3
 Measure = Callable[[Floats], Floats]
 
 
-def follow(points: Floats, guide: Guide, measure: Measure) -> Path | None:
+def follow(points: Floats, guide: Guide, measure: Measure) -> Floats | None:
     """Continue the beam from its points (n, 2) [px], in their order from the clamp, to its length.
 
-    Return None with too few points.
+    Return the places (m, 2) [m] of its path, evenly along it; None with too few points.
     """
     if len(points) < THRESHOLDS.min_curve_points:
         return None
     clamp = guide.pixels(np.zeros((1, 2)))
-    end = 1.06 * guide.length
+    end = PLACES[-1] * guide.length
     nodes = _nodes(np.vstack([clamp, points]))
     gap = 0
     while gap < MAX_GAP_STEPS and _length(guide.places(nodes)) < end:
@@ -48,8 +47,7 @@ def follow(points: Floats, guide: Guide, measure: Measure) -> Path | None:
     places = guide.places(nodes)
     arc = _arc(places)
     even = np.linspace(0.0, min(arc[-1], end), len(PLACES))
-    course = np.column_stack([np.interp(even, arc, places[:, i]) for i in (0, 1)])
-    return Path(course)
+    return np.column_stack([np.interp(even, arc, places[:, i]) for i in (0, 1)])
 
 
 def _nodes(points: Floats) -> Floats:

@@ -6,7 +6,7 @@ and the interpolation's error is measured where the ground is known.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -32,8 +32,7 @@ SMOOTH_PX = 8.0
 Pattern = npt.NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Ground:
+class Ground(NamedTuple):
     """Gray values (height, width) of the ground without the beam, and their `variance`.
 
     `level` is their typical value. `fine` is the variance of the difference between two halves of a
@@ -62,11 +61,15 @@ class Ground:
         )
         return gain if known < unknown else None
 
-    def flattened(self, image: Grey, gain: float, full_scale: int) -> Grey:
+    def subtracted(self, image: Grey, full_scale: int) -> Grey | None:
         """Subtract the ground's structure from an image (height, width), for the beam's detection.
 
-        The result has the image's type; pixels at `full_scale` keep their value.
+        The result has the image's type; pixels at `full_scale` keep their value. It is None if the
+        image does not show this ground.
         """
+        gain = self.gain(image)
+        if gain is None:
+            return None
         flat = image - np.float32(gain) * (self.gray - np.float32(self.level))
         flat = np.clip(np.rint(flat), 0, full_scale).astype(image.dtype)
         return np.where(image >= full_scale, image, flat)
@@ -106,7 +109,8 @@ def learn_ground(
     distinct = ~under & ((gray - blurred) ** 2 > noise.variance(gray))
     rows, columns = np.nonzero(distinct)
     step = max(len(rows) // LATTICE, 1)
-    rows, columns = rows[::step], columns[::step]
+    # For another layout, functions would be compiled again.
+    rows, columns = (np.ascontiguousarray(index[::step]) for index in (rows, columns))
     return Ground(
         gray=np.ascontiguousarray(gray, np.float32),
         variance=np.ascontiguousarray(variance, np.float32),

@@ -13,6 +13,8 @@ from solver.planes.plane_c import apply_homography
 
 # Number of scan lines over the beam's length.
 LINES = 72
+# Places of a path over the beam's length: a beam that looks longer is within them.
+PLACES = np.linspace(0.0, 1.06, 96)
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,15 @@
 """Noise of a pixel's gray value, read noise and shot noise, from images of one scene."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 
 # Rounding to whole gray values alone has this variance.
 ROUNDING = 1 / 12
@@ -19,8 +20,7 @@ BINS, MIN_IN_BIN = 24, 40
 MEAN_OF_SMALLER = 0.2149
 
 
-@dataclass(frozen=True)
-class Noise:
+class Noise(NamedTuple):
     """Variance of a gray value g: `dark` + `per_gray` g, the photon transfer line (EMVA 1288)."""
 
     dark: float
@@ -33,6 +33,12 @@ class Noise:
     def processed(self, image: Grey) -> bool:
         """Return whether images like this one (height, width) were compressed or denoised."""
         return bool(np.median(self.variance(image.astype(np.float64))) < THRESHOLDS.min_noise**2)
+
+
+@njit(inline="always")
+def pixel_variance(noise: Noise, gray: float) -> float:
+    """Compute the variance of a pixel's gray value."""
+    return float(max(noise.dark + noise.per_gray * gray, ROUNDING))
 
 
 def estimate_noise(images: Sequence[Grey]) -> Noise:

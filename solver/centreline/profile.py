@@ -11,9 +11,9 @@ is read with the nearest one.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from solver.instrument.arrays import Floats
@@ -45,26 +45,19 @@ class Section:
     taper: float = 0.0
 
 
-@dataclass(frozen=True)
-class Profile:
+class Profile(NamedTuple):
     """Tables of the profile: `value` and `slope` [1/px] (k, SLOPES, n) along a pixel column.
 
     Table j is for the section whose `radius` (k,) [px] is the j-th, from the clamp to the tip. Row
     i is for a beam that climbs i / (SLOPES - 1) px per column; the middle of a row is the axis; its
-    sum times STEP is one over the cosine of the climb, so that amplitudes are comparable. `reach`
-    [px] is that of the tables, and `length` [px] that of the beam along its path.
+    sum times STEP is one over the cosine of the climb, so that amplitudes are comparable. `length`
+    [px] is that of the beam along its path.
     """
 
     value: Floats
     slope: Floats
     radius: Floats
-    reach: float
     length: float
-
-    def nearest(self, length: Floats) -> npt.NDArray[np.int64]:
-        """Return the table (n,) whose radius is nearest to that at each place (n,) [px]."""
-        last = len(self.radius) - 1
-        return np.clip(np.rint(length * (last / self.length)), 0, last).astype(np.int64)
 
 
 def profile(section: Section, length: float = 1.0) -> Profile:
@@ -77,7 +70,7 @@ def profile(section: Section, length: float = 1.0) -> Profile:
         _tabulated(fine, _spread(fine, replace(section, radius=float(radius)))) for radius in radii
     ]
     value, slope = np.stack(tables, axis=1)
-    return Profile(value, slope, radii, float(fine[-1]), length)
+    return Profile(value, slope, radii, length)
 
 
 def spline_profile(values: Floats, step: float, reach: float) -> Profile:
@@ -90,21 +83,64 @@ def spline_profile(values: Floats, step: float, reach: float) -> Profile:
     last = len(values) // 2 + 1
     knots = step * np.arange(-last, last + 1)
     value, slope = _tabulated(fine, np.interp(fine, knots, np.concatenate([[0.0], values, [0.0]])))
-    return Profile(value[None], slope[None], np.array([reach]), float(fine[-1]), 1.0)
+    return Profile(value[None], slope[None], np.array([reach]), 1.0)
 
 
+@njit
+def nearest_table(profile: Profile, length: float) -> int:
+    """Return the index of the table whose radius is nearest to that at a place [px]."""
+    last = len(profile.radius) - 1
+    return int(min(max(np.rint(length * (last / profile.length)), 0.0), last))
+
+
+@njit
+def interpolate_column(
+    table: Floats, climb: float, sense: float, offset: float, out: Floats
+) -> None:
+    """Interpolate the table at a climb and at pixels offset, offset + 1, ... from the centre."""
+    row, column, stride, row_fraction, fraction = table_position(table, climb, sense, offset)
+    for k in range(len(out)):
+        out[k] = table_value(table, row, column + k * stride, row_fraction, fraction)
+
+
+@njit
 def interpolated(table: Floats, climb: Floats, offset: Floats) -> Floats:
-    """Interpolate a table of profiles at offsets (n, m) [px] from the beam, for climbs (n, 1)."""
-    slopes, size = table.shape
-    row = climb * (slopes - 1)
-    low = np.minimum(row.astype(np.int64), slopes - 2)
-    column = offset / STEP + size // 2
-    first = np.clip(np.floor(column).astype(np.int64), 0, size - 2)
-    inside = (column >= 0) & (column < size - 1)
-    fraction, row_fraction = column - first, row - low
-    flatter = (1 - fraction) * table[low, first] + fraction * table[low, first + 1]
-    steeper = (1 - fraction) * table[low + 1, first] + fraction * table[low + 1, first + 1]
-    return np.asarray(np.where(inside, (1 - row_fraction) * flatter + row_fraction * steeper, 0.0))
+    """Interpolate a table of profiles at offsets (n, m) [px] from the beam, for climbs (n,)."""
+    n, m = offset.shape
+    out = np.empty((n, m))
+    for i in range(n):
+        for j in range(m):
+            row, column, _, row_fraction, fraction = table_position(
+                table, climb[i], 1.0, offset[i, j]
+            )
+            out[i, j] = table_value(table, row, column, row_fraction, fraction)
+    return out
+
+
+@njit(inline="always")
+def table_position(table: Floats, climb: float, sense: float, offset: float) -> Any:
+    """Locate a pixel at `offset` from the centre: row and column of the entry before it.
+
+    Also return the number of columns to the next pixel and the fractions of a row and of a column
+    from the entry to the pixel. A pixel is a whole number of columns: all pixels have the same.
+    """
+    row = climb * (table.shape[0] - 1)
+    low = min(int(row), table.shape[0] - 2)
+    column = sense * offset / STEP + table.shape[1] // 2
+    first = int(np.floor(column))
+    return low, first, int(sense / STEP), row - low, column - first
+
+
+@njit(inline="always")
+def table_value(
+    table: Floats, row: int, column: int, row_fraction: float, fraction: float
+) -> float:
+    """Interpolate the table between an entry and the next of both directions; 0 outside."""
+    if not 0 <= column < table.shape[1] - 1:
+        return 0.0
+    flatter = (1 - fraction) * table[row, column] + fraction * table[row, column + 1]
+    steeper = (1 - fraction) * table[row + 1, column] + fraction * table[row + 1, column + 1]
+    return float((1 - row_fraction) * flatter + row_fraction * steeper)
 
 
 def _fine_grid(extent: float) -> Floats:

@@ -3,18 +3,28 @@
 A column (or a row, where the beam is steep) shows amplitude x profile(v - centre) + background
 + slope (v - middle). The four parameters are estimated by Gauss-Newton, weighted with the sensor's
 noise (maximum likelihood); the centre's variance is that of the linearised fit.
+
+Before a ground that is known from the rest images, the straight line is the light on it: the ground
+is seen, dimmed or brightened, where the beam does not cover it. Under the beam, the ground's
+typical level takes its place, so that the beam's amplitude is the contrast with that level
+everywhere. The noise is that of the image and of the ground.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.columns import read_column, table_position, table_value
-from solver.centreline.noise import ROUNDING, Noise
-from solver.centreline.profile import Profile
-from solver.centreline.stations import Stations
+from solver.centreline.ground import Ground
+from solver.centreline.noise import Noise, pixel_variance
+from solver.centreline.profile import (
+    Profile,
+    interpolate_column,
+    nearest_table,
+    table_position,
+    table_value,
+)
+from solver.centreline.stations import Stations, read_column
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import FAST, njit
@@ -25,10 +35,12 @@ TOLERANCE_PX = 1e-4
 REWEIGH_PX = 0.05
 # Pixels on either side, beyond the profile's extent, that determine the background.
 MARGIN = 2
+# Relative sigma of the amplitude since rest, before a known ground. Chosen: light and shade change
+# it by less, and where the image determines it better, this has no weight.
+AMPLITUDE_SIGMA = 0.2
 
 
-@dataclass(frozen=True)
-class Fits:
+class Fits(NamedTuple):
     """Profile fits at n stations; a station that could not be fitted has sigma = inf.
 
     `centre`, its `sigma` [px], `amplitude` and its sigma [gray px], `background` [gray], `chi2` on
@@ -45,77 +57,103 @@ class Fits:
     saturated: npt.NDArray[np.int64]
 
 
+class KnownGround(NamedTuple):
+    """The `ground` at rest, and the beam's `amplitude` (n,) [gray px] before it at n stations.
+
+    The amplitudes of the image may differ by AMPLITUDE_SIGMA: where the ground is not known, it
+    looks like a part of the beam.
+    """
+
+    ground: Ground
+    amplitude: Floats
+
+
 def fit_profiles(
-    image: Grey, places: Stations, profile: Profile, noise: Noise, half: int, full_scale: int
+    image: Grey,
+    places: Stations,
+    profile: Profile,
+    noise: Noise,
+    half: int,
+    full_scale: int,
+    known: KnownGround | None = None,
 ) -> Fits:
-    """Fit the profile at every station, from its start.
+    """Fit the profile at every station, from its start, before a known ground if there is one.
 
     `half` pixels on either side are fitted; pixels of `full_scale` or more are left out.
+
+    Where an object or its shadow hides the ground, the known ground explains a column worse than
+    a straight line does: the better of both fits is kept.
     """
-    fields = _fit(
-        image,
-        places.along,
-        places.start,
-        np.abs(places.climb),
-        places.upright,
-        places.sense,
-        profile.nearest(places.length),
-        profile.value,
-        profile.slope,
-        noise.dark,
-        noise.per_gray,
-        half,
-        full_scale,
-    )
-    return Fits(
-        centre=fields[0],
-        sigma=fields[1],
-        amplitude=fields[2],
-        amplitude_sigma=fields[3],
-        background=fields[4],
-        chi2=fields[5],
-        dof=fields[6].astype(np.int64),
-        saturated=fields[7].astype(np.int64),
-    )
+    plain: Fits = _fit(image, places, profile, noise, half, full_scale, None)
+    if known is None:
+        return plain
+    before: Fits = _fit(image, places, profile, noise, half, full_scale, known)
+    unlikely = before.chi2 > THRESHOLDS.max_misfit * np.maximum(before.dof, 1)
+    keep = np.isfinite(before.sigma) & ~(unlikely & (plain.chi2 < before.chi2))
+    return Fits(*(np.where(keep, *both) for both in zip(before, plain, strict=True)))
+
+
+class _Behind(NamedTuple):
+    """The known ground behind a beam, in one column.
+
+    `pattern` (n,) are its gray values over its `level`; `variance` (n,) and `fine` are those of
+    `Ground`, over the level's square. The beam is `width` [px] wide, with an `amplitude` [gray px]
+    that has the weight `prior`.
+    """
+
+    pattern: Floats
+    variance: Floats
+    fine: float
+    level: float
+    width: float
+    amplitude: float
+    prior: float
 
 
 @njit
 def _fit(
     image: Grey,
-    along: npt.NDArray[np.int64],
-    start: Floats,
-    climb: Floats,
-    upright: npt.NDArray[np.bool_],
-    sense: Floats,
-    table: npt.NDArray[np.int64],
-    value: Floats,
-    slope: Floats,
-    dark: float,
-    per_gray: float,
+    places: Stations,
+    profile: Profile,
+    noise: Noise,
     half: int,
     full_scale: int,
-) -> Floats:
-    """Fit all stations; return the fields of `Fits` (8, n)."""
-    n, size = len(along), 2 * half + 1
+    known: KnownGround | None,
+) -> Fits:
+    """Fit all stations, all before the known ground or none: both are compiled on their own."""
+    n, size = len(places.along), 2 * half + 1
     out, row = np.zeros((8, n)), np.empty(8)
-    gray, weight, expected = np.empty(size), np.empty(size), np.empty(size)
+    gray, memory = np.empty(size), np.empty((3, size))
+    pattern, variance = np.empty(size), np.empty(size)
     for i in range(n):
         row[:] = 0.0
         row[1] = row[3] = np.inf
-        first = int(np.rint(start[i])) - half
-        if read_column(image, along[i], upright[i], first, gray):
-            used, sums = _weigh(gray, gray, full_scale, dark, per_gray, half, weight)
-            row[7] = size - used
-            if used >= THRESHOLDS.min_pixels:
-                _fit_column(
-                    start[i], first, half, min(climb[i], 1.0), sense[i],
-                    value[table[i]], slope[table[i]],
-                    dark, per_gray, full_scale, gray, weight, expected, sums, row,
+        line, upright, start = places.along[i], places.upright[i], places.start[i]
+        first = int(np.rint(start)) - half
+        if read_column(image, line, upright, first, gray):
+            table = nearest_table(profile, places.length[i])
+            behind = None
+            if known is not None:
+                ground, amplitude = known.ground, known.amplitude[i]
+                for k in range(size):
+                    v, u = (first + k, line) if upright else (line, first + k)
+                    pattern[k] = ground.gray[v, u] / ground.level
+                    variance[k] = ground.variance[v, u] / ground.level**2
+                behind = _Behind(
+                    pattern, variance, ground.fine / ground.level**2, ground.level,
+                    2 * profile.radius[table], amplitude, (AMPLITUDE_SIGMA * amplitude) ** -2,
                 )  # fmt: skip
-                row[6] = used - 4
+            _fit_column(
+                start, first, half, abs(places.climb[i]), places.sense[i],
+                profile.value[table], profile.slope[table],
+                noise, full_scale, gray, memory, behind, row,
+            )  # fmt: skip
         for field in range(len(row)):
             out[field, i] = row[field]
-    return out
+    return Fits(
+        out[0], out[1], out[2], out[3], out[4], out[5],
+        out[6].astype(np.int64), out[7].astype(np.int64),
+    )  # fmt: skip
 
 
 @njit
@@ -127,39 +165,46 @@ def _fit_column(
     sense: float,
     value: Floats,
     slope: Floats,
-    dark: float,
-    per_gray: float,
+    noise: Noise,
     full_scale: int,
     gray: Floats,
-    weight: Floats,
-    expected: Floats,
-    sums: Any,
+    memory: Floats,
+    behind: _Behind | None,
     fields: Floats,
 ) -> None:
-    """Run Gauss-Newton from `start` and write into `fields`, which is unchanged on failure.
+    """Run Gauss-Newton from `start` and write into `fields`; on failure, its counts only.
 
     For a fixed centre, the model is linear in background and amplitude: eliminating the background
-    (1, x), then the profile from the weighted sums of products solves their least squares. `sums`
-    are those of `_weigh` with the gray values' own weights.
+    (1, x), or that times the ground, then the profile from the weighted sums of products solves
+    their least squares. `memory` is (3, n).
     """
-    c = start
+    weight, expected, unknown = memory[0], memory[1], memory[2]
+    c, a, b, s = start, 0.0, 0.0, 0.0
+    if behind is not None:
+        a, b = behind.amplitude, behind.level
+        interpolate_column(value, climb, sense, first - c, expected)
+        _expect(a, b, s, half, behind, expected, unknown)
+    used = _weigh(gray, gray, unknown, behind, noise, full_scale, weight)
+    fields[7] = len(gray) - used
+    if used < THRESHOLDS.min_pixels:
+        return
+    fields[6] = used - 4
     for step in range(MAX_STEPS + 1):
-        w0, w1, w2, g0, g1, gg = sums
-        p0, p1, pp, d0, d1, dp, dd, gp, gd = _profile_sums(
-            value, slope, climb, sense, first - c, half, gray, weight, expected
+        w0, w1, w2, g0, g1, gg, p0, p1, pp, d0, d1, dp, dd, gp, gd = _products(
+            value, slope, climb, sense, first - c, half, gray, weight, expected, behind, a, b, s
         )
         # Make x orthogonal to 1, then subtract each product's part that lies in both.
         mean, per_w0 = w1 / w0, 1 / w0
         per_w2 = 1 / (w2 - mean * w1)
         p1, d1, g1 = p1 - mean * p0, d1 - mean * d0, g1 - mean * g0
         pp = pp - p0 * p0 * per_w0 - p1 * p1 * per_w2
-        if not pp > 0:
-            return
         dp = dp - d0 * p0 * per_w0 - d1 * p1 * per_w2
         dd = dd - d0 * d0 * per_w0 - d1 * d1 * per_w2
         gp = gp - g0 * p0 * per_w0 - g1 * p1 * per_w2
         gd = gd - g0 * d0 * per_w0 - g1 * d1 * per_w2
         gg = gg - g0 * g0 * per_w0 - g1 * g1 * per_w2
+        if not pp > 0:
+            return
         a, d_in_p = gp / pp, dp / pp
         # d(gray)/d(centre) = -sense a d.
         information = a * a * (dd - d_in_p * dp)
@@ -176,17 +221,52 @@ def _fit_column(
         if step < 2 or abs(update) > REWEIGH_PX:
             # Weights from the model's gray values, not from the noisy ones, nor from those of a
             # model elsewhere: it would call dark pixels bright, and their noise larger than it is.
-            for k in range(len(expected)):
-                expected[k] = max(a * expected[k] + b + s * (k - half), 0.0)
-            _, sums = _weigh(gray, expected, full_scale, dark, per_gray, half, weight)
+            _expect(a, b, s, half, behind, expected, unknown)
+            _weigh(gray, expected, unknown, behind, noise, full_scale, weight)
         elif abs(update) < TOLERANCE_PX:
             break
+    chi2 = gg - a * gp
+    if behind is not None:
+        chi2 -= behind.prior * (a - behind.amplitude) ** 2
     fields[0], fields[1], fields[2] = c, 1 / np.sqrt(information), a
-    fields[3], fields[4], fields[5] = 1 / np.sqrt(pp), b, max(gg - a * gp, 0.0)
+    fields[3], fields[4], fields[5] = 1 / np.sqrt(pp), b, max(chi2, 0.0)
+
+
+@njit
+def _expect(
+    a: float,
+    b: float,
+    s: float,
+    half: int,
+    behind: _Behind | None,
+    profile: Floats,
+    unknown: Floats,
+) -> None:
+    """Replace the profile (n,) by the model's gray values, and set the variances of its ground."""
+    for k in range(len(profile)):
+        p, x, u = profile[k], float(k - half), 1.0
+        if behind is not None:
+            u = _seen(behind, k, p)
+            cover = _cover(behind, p)
+            hidden = cover * cover * behind.fine
+            unknown[k] = ((b + s * x) * (1.0 - cover)) ** 2 * (behind.variance[k] + hidden)
+        profile[k] = max(a * p + b * u + s * x * u, 0.0)
+
+
+@njit(inline="always")
+def _cover(behind: _Behind, profile: float) -> float:
+    """Compute the share of a pixel that the beam covers, from its profile there."""
+    return float(min(max(behind.width * profile, 0.0), 1.0))
+
+
+@njit(inline="always")
+def _seen(behind: _Behind, k: int, profile: float) -> float:
+    """Compute what a pixel shows of the ground, over its level: under the beam, the level."""
+    return float(behind.pattern[k] + _cover(behind, profile) * (1.0 - behind.pattern[k]))
 
 
 @njit(fastmath=FAST)
-def _profile_sums(
+def _products(
     value: Floats,
     slope: Floats,
     climb: float,
@@ -196,48 +276,63 @@ def _profile_sums(
     gray: Floats,
     weight: Floats,
     profile: Floats,
+    behind: _Behind | None,
+    a: float,
+    b: float,
+    s: float,
 ) -> Any:
-    """Write the profile (n,) and sum its weighted products, and those of its derivative.
+    """Write the profile (n,), and sum weighted products of all that a column shows.
 
-    The products of the profile are with 1, x and itself, those of its derivative with 1, x, the
-    profile and itself, and those of the gray values with both.
+    They are the products of 1 with 1, x and x^2; of the gray values with 1, x and themselves; of
+    the profile with 1, x and itself; of its derivative with 1, x, the profile and itself; and of
+    the gray values with both.
+
+    Before a known ground, 1 and x are times what is seen of it, the derivative includes that of the
+    ground under the beam's edges, for the parameters `a`, `b` and `s` of the step before, and the
+    amplitude at rest is one more observation.
     """
     row, column, stride, row_fraction, fraction = table_position(value, climb, sense, offset)
-    p0 = p1 = pp = d0 = d1 = dp = dd = gp = gd = 0.0
+    w0 = w1 = w2 = g0 = g1 = gg = p0 = p1 = pp = d0 = d1 = dp = dd = gp = gd = 0.0
+    if behind is not None:
+        pp, gp = behind.prior, behind.prior * behind.amplitude
+        gg = gp * behind.amplitude
     for k in range(gray.size):
         p = table_value(value, row, column, row_fraction, fraction)
         d = table_value(slope, row, column, row_fraction, fraction)
         column += stride
         profile[k] = p
-        wp, wd, x = weight[k] * p, weight[k] * d, float(k - half)
-        p0, p1, pp = p0 + wp, p1 + wp * x, pp + wp * p
-        d0, d1, dp, dd = d0 + wd, d1 + wd * x, dp + wd * p, dd + wd * d
-        gp, gd = gp + wp * gray[k], gd + wd * gray[k]
-    return p0, p1, pp, d0, d1, dp, dd, gp, gd
+        w, g, x = weight[k], gray[k], float(k - half)
+        u = 1.0
+        if behind is not None:
+            u = _seen(behind, k, p)
+            if behind.width * p < 1.0:
+                d *= 1.0 + (b + s * x) / a * behind.width * (1.0 - behind.pattern[k])
+        wu, wp, wd = w * u, w * p, w * d
+        w0, w1, w2 = w0 + wu * u, w1 + wu * u * x, w2 + wu * u * x * x
+        g0, g1, gg = g0 + wu * g, g1 + wu * g * x, gg + w * g * g
+        p0, p1, pp = p0 + wu * p, p1 + wu * p * x, pp + wp * p
+        d0, d1, dp, dd = d0 + wu * d, d1 + wu * d * x, dp + wd * p, dd + wd * d
+        gp, gd = gp + wp * g, gd + wd * g
+    return w0, w1, w2, g0, g1, gg, p0, p1, pp, d0, d1, dp, dd, gp, gd
 
 
 @njit(fastmath=FAST)
 def _weigh(
     gray: Floats,
     expected: Floats,
+    unknown: Floats,
+    behind: _Behind | None,
+    noise: Noise,
     full_scale: int,
-    dark: float,
-    per_gray: float,
-    half: int,
     weight: Floats,
-) -> Any:
-    """Set weights by the noise of expected values, 0 at full scale; return how many are not 0.
-
-    Also return the weighted sums of products of (1, x) with 1, x and the gray values, and of these.
-    """
+) -> int:
+    """Set weights by the noise of expected values, 0 at full scale; return how many are not 0."""
     used = 0
-    w0 = w1 = w2 = g0 = g1 = gg = 0.0
     for k in range(gray.size):
         saturated = gray[k] >= full_scale
         used += not saturated
-        w = 0.0 if saturated else 1.0 / max(dark + per_gray * expected[k], ROUNDING)
-        weight[k] = w
-        wg, x = w * gray[k], float(k - half)
-        w0, w1, w2 = w0 + w, w1 + w * x, w2 + w * x * x
-        g0, g1, gg = g0 + wg, g1 + wg * x, gg + wg * gray[k]
-    return used, (w0, w1, w2, g0, g1, gg)
+        variance = pixel_variance(noise, expected[k])
+        if behind is not None:
+            variance += unknown[k]
+        weight[k] = 0.0 if saturated else 1.0 / variance
+    return used

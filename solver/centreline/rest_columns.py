@@ -8,8 +8,8 @@ import numpy as np
 
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Profile, Section, profile
-from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
-from solver.centreline.smooth import smooth_curve
+from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
+from solver.centreline.smooth import REST_DEGREE, curve
 from solver.centreline.stations import Stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
@@ -40,44 +40,47 @@ class RestColumns:
 
     def half_width(self, section: Section) -> int:
         """Return the pixels on either side that show the section, a margin, and no other line."""
-        return int(min(half_width(section), self.clear))
+        widest = section.radius * (1 + abs(section.taper) / 2)
+        return int(min(np.ceil(widest + 2.5 * section.spread + 0.5) + 1 + MARGIN, self.clear))
 
     def table(self, section: Section) -> Profile:
         """Tabulate a section's profiles along the beam at rest."""
         return profile(section, float(self.places.length[-1]))
 
-    def fits(self, table: Profile, half: int) -> list[Fits]:
+    def fits(self, table: Profile, half: int, known: KnownGround | None = None) -> list[Fits]:
         """Fit a profile to every image, on `half` pixels on either side of the beam."""
         return [
-            fit_profiles(image, self.places, table, self.noise, half, self.full_scale)
+            fit_profiles(image, self.places, table, self.noise, half, self.full_scale, known)
             for image in self.images
         ]
 
-    def mean_centre(self, fits: list[Fits]) -> tuple[Floats, Mask]:
-        """Average the centres (n,) [px] along the path's normal, and mark columns like the beam."""
+    def off_path(self, fits: list[Fits]) -> Floats:
+        """Average the centres (n,) [px] of all images, as offsets along the path's normal.
+
+        Offsets in columns and in rows form one curve.
+        """
+        each = [self.places.sense * (f.centre - self.places.start) for f in fits]
+        return np.asarray(np.mean(each, axis=0))
+
+    def like_the_beam(self, fits: list[Fits]) -> Mask:
+        """Mark the columns (n,) that have the beam's polarity and typical amplitude."""
         good = np.all([np.isfinite(f.sigma) & (f.amplitude * self.polarity > 0) for f in fits], 0)
         typical = np.median([np.median(f.amplitude[good]) for f in fits]) if good.any() else 0.0
         for f in fits:
             good &= np.abs(f.amplitude - typical) < 0.6 * abs(typical)
-        # Offsets from the path along its normal form one curve for columns and rows.
-        off_path = [self.places.sense * (f.centre - self.places.start) for f in fits]
-        return np.mean(off_path, axis=0), good
+        return np.asarray(good)
 
     def smooth(self, centre: Floats, good: Mask) -> Floats:
-        """Fit a quartic along the beam: bow, sag and lens distortion have no finer detail."""
-        sigma = np.where(good, 1e-6, np.inf)
-        curve = smooth_curve(self.places.length, centre, sigma, degree=4)
-        return centre if curve is None else curve
+        """Fit the smooth course (n,) of good centres; return all centres with too few of them."""
+        length, sigma = self.places.length, np.where(good, 1e-6, np.inf)
+        course: Floats = curve(length, centre, sigma, length, REST_DEGREE, THRESHOLDS.tukey_cut)
+        return course if len(course) else centre
 
     def shape(self, section: Section, table: Profile) -> "Shape":
         """Fit a section's profile, and measure what it leaves. Raises InputError."""
         fits = self.fits(table, self.half_width(section))
-        centre, good = self.mean_centre(fits)
-        check_count(good)
-        residual = (centre - self.smooth(centre, good))[good]
-        scatter = SIGMA_OVER_MAD * float(np.median(np.abs(residual)))
-        misfit = float(np.median([f.chi2[good] / f.dof[good] for f in fits]))
-        return Shape(section, table, fits, centre, good, scatter, misfit)
+        centre, good = self.off_path(fits), self.like_the_beam(fits)
+        return shape_of(section, table, fits, centre, good, self.smooth(centre, good))
 
 
 @dataclass(frozen=True)
@@ -103,16 +106,23 @@ class Shape:
         return self.scatter / math.sqrt(np.count_nonzero(self.good))
 
 
-def half_width(section: Section) -> int:
-    """Return the pixels on either side of the axis that show the beam and a margin."""
-    widest = section.radius * (1 + abs(section.taper) / 2)
-    return int(np.ceil(widest + 2.5 * section.spread + 0.5)) + 1 + MARGIN
+def shape_of(
+    section: Section, table: Profile, fits: list[Fits], centre: Floats, good: Mask, course: Floats
+) -> Shape:
+    """Measure what the fits of a profile leave of good columns about a course (n,) [px].
+
+    Raises InputError for fewer columns than `min_stations`.
+    """
+    check_count(int(np.count_nonzero(good)))
+    scatter = SIGMA_OVER_MAD * float(np.median(np.abs(centre - course)[good]))
+    misfit = float(np.median([f.chi2[good] / f.dof[good] for f in fits]))
+    return Shape(section, table, fits, centre, good, scatter, misfit)
 
 
-def check_count(good: Mask) -> None:
+def check_count(n_columns: int) -> None:
     """Raise InputError for fewer columns of the beam than `min_stations`."""
-    if np.count_nonzero(good) < THRESHOLDS.min_stations:
+    if n_columns < THRESHOLDS.min_stations:
         raise InputError(
-            f"the rest images show {np.count_nonzero(good)} columns of the beam, "
+            f"the rest images show {n_columns} columns of the beam, "
             f"needed are {THRESHOLDS.min_stations}"
         )

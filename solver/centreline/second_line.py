@@ -5,13 +5,14 @@ pixels show both lines would take them for one beam, with its axis between them.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
 
+from solver.centreline.guide import Guide
 from solver.centreline.line_sums import Line, Sheet, line_at
-from solver.centreline.peaks import find_peaks
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.medians import SIGMA_OVER_MAD
@@ -110,6 +111,55 @@ def find_second_line(means: Across, polarity: int, radius: float) -> SecondLine 
             clear = distance - _edge(relief, peak, side, FOOT)
             lines.append(SecondLine(side * distance, sign * prominence / height, clear))
     return min(lines, key=lambda other: abs(other.offset), default=None)
+
+
+def describe(second: SecondLine, guide: Guide) -> str:
+    """Describe a line beside the beam by its distance, side and contrast, with what to do."""
+    across = guide.pixel * second.offset
+    here, there = guide.pixels(np.array([[0.5 * guide.length, 0.0], [0.5 * guide.length, across]]))
+    right, down = there - here
+    if abs(down) >= abs(right):
+        side = "below" if down > 0 else "above"
+    else:
+        side = "right of" if right > 0 else "left of"
+    return (
+        f"the rest images show a second line parallel to the beam, {abs(second.offset):.0f} px "
+        f"{side} it, with {abs(second.contrast):.2g} times its contrast: a shadow, a reflection or "
+        "another wire; remove it, or move the lamp or the ground"
+    )
+
+
+class Peak(NamedTuple):
+    """The index `place` of a local maximum, the middle one of equal values, and its prominence.
+
+    The prominence is its height above the higher of the two lowest values that separate it from
+    higher values, or from the ends, on its left and on its right.
+    """
+
+    place: int
+    prominence: float
+
+
+def find_peaks(values: Floats, prominence: float) -> Iterator[Peak]:
+    """Yield the peaks of at least this prominence in `values` (n,), without those at its ends.
+
+    `scipy.signal` finds them, too, but to import it takes a third of a start's time.
+    """
+    first = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
+    last = np.append(first[1:], len(values)) - 1
+    heights = values[first]
+    top = 1 + np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] > heights[2:]))
+    for start, stop, height in zip(first[top], last[top], heights[top], strict=True):
+        sides = values[start::-1], values[stop:]
+        found = height - max(_least_before_higher(side) for side in sides)
+        if found >= prominence:
+            yield Peak(int(start + stop) // 2, float(found))
+
+
+def _least_before_higher(values: Floats) -> float:
+    """Return the least value before the first one that is higher than `values[0]`, or of all."""
+    higher = values > values[0]
+    return float(values[: np.argmax(higher) if higher.any() else None].min())
 
 
 def _vertex(values: Floats, peak: int) -> float:

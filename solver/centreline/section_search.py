@@ -90,7 +90,7 @@ def _cost(rest: RestColumns, p: Floats, criterion: _Criterion) -> float:
         return _NOTHING
     misfit_unit = criterion.misfit_unit
     fits = rest.fits(rest.table(section), criterion.half)
-    centre, good = rest.mean_centre(fits)
+    centre, good = rest.off_path(fits), rest.like_the_beam(fits)
     if np.count_nonzero(good) < THRESHOLDS.min_stations:
         return _NOTHING
     residual = centre - rest.smooth(centre, good)

@@ -13,27 +13,23 @@ from solver.instrument.small_matrices import dot, solve_definite
 MAX_ITERATIONS = 12
 # A numpy scalar is compiled once, a literal for every value.
 DEGREE = np.int64(7)
+# For a beam at rest: bow, sag and lens distortion have no finer detail.
+REST_DEGREE = np.int64(4)
 # For a beam that is bent by more than one contact, whose curvature has several kinks.
 FINE_DEGREE = np.int64(15)
 # Points this far apart err independently in compressed images, whose blocks have 8 or 16 pixels.
 LAG = 16
 
 
-def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: Any = DEGREE) -> Floats | None:
-    """Fit a smooth curve at x (n,) to y (n,) where sigma (n,) is finite.
+@njit
+def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: float) -> Floats:
+    """Fit a smooth curve to y (n,) at x (n,) where sigma (n,) is finite; evaluate it at `at` (m,).
 
     The curve is a polynomial of at most `degree`, lower where points are few or span little of x,
     fitted by iteratively reweighted least squares (Beaton and Tukey 1974). Beyond the outermost
-    known points it is constant. Points farther off than `tukey_cut` times their typical scatter
-    have zero weight. Return None with too few points.
+    known points it is constant. Points farther off than `cut` times their typical scatter have zero
+    weight. Return an empty array with too few points.
     """
-    values: Floats = curve(x, y, sigma, x, np.int64(degree), THRESHOLDS.tukey_cut)
-    return values if len(values) else None
-
-
-@njit
-def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: float) -> Floats:
-    """Fit as `smooth_curve`, and evaluate at `at`; return an empty array where that fails."""
     empty = np.empty(0)
     known_x, known_y, known_sigma = np.empty(len(x)), np.empty(len(x)), np.empty(len(x))
     low, high, count = np.inf, -np.inf, 0

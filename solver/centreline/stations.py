@@ -1,17 +1,18 @@
 """Stations: the pixel columns, or rows where the beam is steep, that measure it along a path."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from solver.instrument.arrays import Floats, Mask
+from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
 
+# Image rows and columns of pixels, each of the shape of the array of their gray values.
+PixelIndex = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 
-@dataclass(frozen=True)
-class Stations:
+
+class Stations(NamedTuple):
     """n places along the beam, from the clamp to beyond the tip.
 
     `along` (n,) is the pixel column that is read, or the row where not `upright` (n,); `start`
@@ -27,8 +28,29 @@ class Stations:
     sense: Floats
     length: Floats
 
-    def __len__(self) -> int:
+    @property
+    def size(self) -> int:
+        """Number of stations."""
         return len(self.along)
+
+    def take(self, which: Any) -> "Stations":
+        """Return the stations at indices, in a mask or in a slice."""
+        return Stations(*(values[which] for values in self))
+
+    def within(self, half: int, shape: tuple[int, ...]) -> Mask:
+        """Mark stations (n,) with `half` pixels on either side of the path in an image."""
+        middle, limit = np.rint(self.start), np.where(self.upright, shape[0], shape[1])
+        return np.asarray((middle >= half) & (middle < limit - half))
+
+    def pixels(self, half: int) -> PixelIndex:
+        """Index the pixels (n, 2 half + 1) of the columns about the path."""
+        middle = np.rint(self.start).astype(np.int64)
+        return column_pixels(self.along, middle, self.upright, half)
+
+    def offset(self, half: int) -> Floats:
+        """Compute the distance [px] of these pixels from the path, along the path's own normal."""
+        across = np.rint(self.start)[:, None] + np.arange(-half, half + 1)
+        return np.asarray(self.sense[:, None] * (across - self.start[:, None]))
 
 
 # A numpy scalar is compiled once, a literal anew.
@@ -123,3 +145,25 @@ def _walk(
         out[5, count] = distance[k] + fraction * (distance[k + 1] - distance[k])
         count += 1
     return count
+
+
+def column_pixels(
+    along: npt.NDArray[np.int64], middle: npt.NDArray[np.int64], upright: Mask, half: int
+) -> PixelIndex:
+    """Index the pixels (n, 2 half + 1) about a `middle` (n,) of columns, or of rows."""
+    across = middle[:, None] + np.arange(-half, half + 1)
+    lines = np.broadcast_to(along[:, None], across.shape)
+    columns = upright[:, None]
+    return np.where(columns, across, lines), np.where(columns, lines, across)
+
+
+@njit
+def read_column(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bool:
+    """Fill `gray` from pixel `first` of a column (a row); return False where the image ends."""
+    height, width = image.shape
+    limit, n_lines = (height, width) if upright else (width, height)
+    if first < 0 or first + len(gray) > limit or line < 0 or line >= n_lines:
+        return False
+    for k in range(len(gray)):
+        gray[k] = image[first + k, line] if upright else image[line, first + k]
+    return True

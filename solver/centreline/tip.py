@@ -2,14 +2,16 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.amplitude import fit_amplitudes
 from solver.centreline.appearance import Appearance
-from solver.centreline.profile_fit import Fits
-from solver.centreline.stations import Stations
+from solver.centreline.flags import Columns
+from solver.centreline.noise import Noise, pixel_variance
+from solver.centreline.profile import Profile, interpolate_column, nearest_table
+from solver.centreline.stations import Stations, read_column
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
@@ -32,11 +34,7 @@ class TipEstimate:
 
 
 def find_tip(
-    image: Grey,
-    places: Stations,
-    flags: npt.NDArray[np.uint8],
-    fits: Fits,
-    look: Appearance,
+    image: Grey, places: Stations, columns: Columns, look: Appearance
 ) -> TipEstimate | None:
     """Locate the free end; return None where it is hidden, outside the image or ambiguous.
 
@@ -45,7 +43,7 @@ def find_tip(
     background must be the same before and after the end: it changes at the edge of an object that
     hides the beam.
     """
-    good = np.flatnonzero(flags == 0)
+    good, fits = np.flatnonzero(columns.flags == 0), columns.fits
     if len(good) < N_BEFORE:
         return None
     last = int(good[-1])
@@ -56,27 +54,22 @@ def find_tip(
     # The end of a thick, oblique beam extends over many columns.
     fade = FADE_COLUMNS + int(look.section.radius)
     first, end = int(reference[-1]) + 1, last + fade + BLUR_COLUMNS + N_BEYOND + 1
-    if end > len(places) or (places.upright[first:end] != places.upright[last]).any():
+    if end > places.size or (places.upright[first:end] != places.upright[last]).any():
         return None
-    window = np.arange(first, end)
     # The beam is extrapolated as a straight line beyond the last centre.
     recent = good[-2 * N_BEFORE :]
     climb, level = _fit_line(places.along[recent], fits.centre[recent])
-    amplitude, variance, background = fit_amplitudes(
-        image,
-        places,
-        window,
-        np.asarray(climb * places.along[window] + level, dtype=np.float64),
-        look.profile,
-        look.noise,
-        look.half,
-        look.full_scale,
+    ahead = places.take(slice(first, end))
+    centre = np.asarray(climb * ahead.along + level, dtype=np.float64)
+    amplitude, variance, background = _fit_amplitudes(
+        image, ahead, centre, look.profile, look.noise, look.half, look.full_scale
     )
+    misfit = fits.chi2[first:end] / np.maximum(fits.dof[first:end], 1) / look.misfit
     covered, covered_variance = _covered_columns(
         amplitude,
         variance,
         background,
-        fits.chi2[window] / np.maximum(fits.dof[window], 1) / look.misfit,
+        misfit,
         last + 1 - first,
         fade,
         fits.amplitude[reference],
@@ -109,6 +102,61 @@ def _fit_line(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
     for i in range(len(x)):
         xx, xy = xx + (x[i] - x_mean) ** 2, xy + (x[i] - x_mean) * (y[i] - y_mean)
     return xy / xx, y_mean - xy / xx * x_mean
+
+
+@njit
+def _fit_amplitudes(
+    image: Grey,
+    places: Stations,
+    centre: Floats,
+    profile: Profile,
+    noise: Noise,
+    half: int,
+    full_scale: int,
+) -> Any:
+    """Fit amplitude and background at n stations where the `centre` (n,) [px] is known.
+
+    Return amplitude, its variance and background, each (n,); NaN where the image ends.
+    """
+    n, size = len(centre), 2 * half + 1
+    out = np.full((3, n), np.nan)
+    gray, weight, p = np.empty(size), np.empty(size), np.empty(size)
+    for i in range(n):
+        first = int(np.rint(centre[i])) - half
+        if not read_column(image, places.along[i], places.upright[i], first, gray):
+            continue
+        # Equal weights: with weights by noise, the dark side of a column that the beam's end cuts
+        # in two would weigh more than the bright one, and the estimated end would be too near.
+        for k in range(size):
+            weight[k] = 0.0 if gray[k] >= full_scale else 1.0
+        table = profile.value[nearest_table(profile, places.length[i])]
+        interpolate_column(table, abs(places.climb[i]), places.sense[i], first - centre[i], p)
+        p0, p1 = _ground(weight, p, half)
+        norm = product = noise_sum = 0.0
+        for k in range(size):
+            residual = weight[k] * (p[k] - p0 - p1 * (k - half))
+            norm += residual * p[k]
+            product += residual * gray[k]
+            noise_sum += residual * residual * pixel_variance(noise, gray[k])
+        g0, _ = _ground(weight, gray, half)
+        a = product / norm
+        out[0, i], out[1, i], out[2, i] = a, noise_sum / norm**2, g0 - a * p0
+    return out[0], out[1], out[2]
+
+
+@njit
+def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
+    """Fit a weighted straight line to values; return its value at the middle and its slope."""
+    w0 = w1 = w2 = v0 = v1 = 0.0
+    for k in range(len(values)):
+        x = k - half
+        w0 += weight[k]
+        w1 += weight[k] * x
+        w2 += weight[k] * x * x
+        v0 += weight[k] * values[k]
+        v1 += weight[k] * values[k] * x
+    det = w0 * w2 - w1 * w1
+    return (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
 
 
 @njit

@@ -65,7 +65,7 @@ def test_a_gap_is_crossed_and_the_end_is_the_beams_length() -> None:
 
     path = follow(start, seen_by, measure)
     assert path is not None
-    course = seen_by.pixels(path.places)
+    course = seen_by.pixels(path)
     on_beam = course[: int(len(course) / 1.06) - 1]
     away = np.hypot(*(pixels[None] - on_beam[:, None]).transpose(2, 0, 1)).min(axis=1)
     assert away.max() < 1.0
@@ -82,4 +82,4 @@ def test_points_that_lead_nowhere_are_a_gap() -> None:
     pixels = seen_by.pixels(bent(0.3, 0.7))
     path = follow(pixels[:800:12], seen_by, lambda nodes: np.repeat(nodes[:1], 20, axis=0) + 0.5)
     assert path is not None
-    assert np.isfinite(path.places).all()
+    assert np.isfinite(path).all()

@@ -36,4 +36,4 @@ def test_a_speck_in_a_corner_does_not_hide_the_beam() -> None:
     specked = find_path(image, guide, 1, Noise(1.0, 0.0), 0.0)
     assert clean is not None
     assert specked is not None
-    assert np.abs(specked.places - clean.places).max() < guide.pixel
+    assert np.abs(specked - clean).max() < guide.pixel

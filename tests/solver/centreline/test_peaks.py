@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.signal
 
-from solver.centreline.peaks import find_peaks
+from solver.centreline.second_line import find_peaks
 
 
 def test_peaks_are_those_of_scipy(random: np.random.Generator) -> None:

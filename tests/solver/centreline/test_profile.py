@@ -6,7 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solver.centreline.noise import Noise
-from solver.centreline.profile import SLOPES, STEP, Section, profile, tilt_response
+from solver.centreline.profile import (
+    SLOPES,
+    STEP,
+    Section,
+    nearest_table,
+    profile,
+    tilt_response,
+)
 from solver.centreline.profile_fit import Fits, fit_profiles
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
@@ -71,7 +78,7 @@ def test_a_tapered_beam_has_the_table_of_each_width() -> None:
     section = Section(0.8, 0.4, 1.0, 0.1, -0.5)
     tables = profile(section, 200.0)
     assert tables.radius[[0, -1]] == pytest.approx([1.0, 0.6])
-    nearest = tables.nearest(np.array([-5.0, 0.0, 100.0, 200.0, 230.0]))
+    nearest = [nearest_table(tables, length) for length in (-5.0, 0.0, 100.0, 200.0, 230.0)]
     assert tables.radius[nearest] == pytest.approx([1.0, 1.0, 0.8, 0.6, 0.6])
     for j, radius in enumerate(tables.radius):
         alone = profile(Section(float(radius), 0.4, 1.0, 0.1)).value[0]
