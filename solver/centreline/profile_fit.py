@@ -307,12 +307,13 @@ def _products(
             u = _seen(behind, k, p)
             if behind.width * p < 1.0:
                 d *= 1.0 + (b + s * x) / a * behind.width * (1.0 - behind.pattern[k])
-        wu, wp, wd = w * u, w * p, w * d
-        w0, w1, w2 = w0 + wu * u, w1 + wu * u * x, w2 + wu * u * x * x
-        g0, g1, gg = g0 + wu * g, g1 + wu * g * x, gg + w * g * g
-        p0, p1, pp = p0 + wu * p, p1 + wu * p * x, pp + wp * p
-        d0, d1, dp, dd = d0 + wu * d, d1 + wu * d * x, dp + wd * p, dd + wd * d
-        gp, gd = gp + wp * g, gd + wd * g
+        wu, wg, wp, wd = w * u, w * g, w * p, w * d
+        wx = wu * x
+        w0, w1, w2 = w0 + wu * u, w1 + wx * u, w2 + wx * u * x
+        g0, g1, gg = g0 + wu * g, g1 + wx * g, gg + wg * g
+        p0, p1, pp = p0 + wu * p, p1 + wx * p, pp + wp * p
+        d0, d1, dp, dd = d0 + wu * d, d1 + wx * d, dp + wd * p, dd + wd * d
+        gp, gd = gp + wg * p, gd + wg * d
     return w0, w1, w2, g0, g1, gg, p0, p1, pp, d0, d1, dp, dd, gp, gd
 
 
