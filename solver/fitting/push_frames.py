@@ -1,13 +1,15 @@
 """Collect the bent frames of a push, each fitted by itself, with a start of their joint fit."""
 
+import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.core.once import once
-from solver.fitting.frame_estimate import fit_frame, with_bow
-from solver.fitting.frame_problem import OwnBeamOf, frame_problem_of, only
+from solver.fitting.frame_estimate import FittedFrame, fit_frame, fit_with_neighbours, with_bow
+from solver.fitting.frame_problem import FrameProblem, OwnBeamOf, frame_problem_of, only
 from solver.fitting.push_beam import PushBeam, PushPoints
 from solver.fitting.push_joint import PushFrame
 from solver.fitting.verdict import refusal_of
@@ -15,34 +17,42 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.uniform.fit import FrameFit
-from solver.uniform.problem import problem_of
+from solver.uniform.problem import Problem, problem_of
 
 
 class BentFrames(NamedTuple):
     """Frames with contact and a motor angle, without outliers, and the beam with their points.
 
     A start of the joint fit: q [1/m^2] of each frame (n,), parameters of beam and clamp (b,), and
-    the place of the contact [m], that of the frame which determines it best.
+    the distance of the contact from the clamp [m], that of the frame which determines it best.
     """
 
     frames: tuple[PushFrame, ...]
     beam: PushBeam
     q: Floats
     base: Floats
-    place: float
+    distance: float
 
 
-def bent_frames(measurement: Measurement, own_beam: OwnBeamOf | None = None) -> BentFrames | None:
+def bent_frames(
+    measurement: Measurement,
+    own_beam: OwnBeamOf | None = None,
+    *,
+    unknown_friction: bool = False,
+) -> BentFrames | None:
     """Return the bent frames of a push and its last `measurement`; None if there is none.
 
     Each frame is fitted by itself first, which gives the outliers, the variance inflation of the
-    other points, and the contact. `own_beam` is that of `frame_problem_of`.
+    other points, and the contact. `own_beam` is that of `frame_problem_of`. With a friction that
+    the rig does not state, errors that neighbouring points share are not fitted: they would
+    explain a part of what friction bends.
     """
+    fitted_frame = _fitted_alone if unknown_friction else _fitted
     frames: list[PushFrame] = []
     fitted: list[_Fitted] = []
     begins = True
     for frame in (*measurement.earlier, measurement):
-        result = _fitted(frame, own_beam)
+        result = fitted_frame(frame, own_beam)
         begins = begins or result is Outcome.NO_CONTACT
         if isinstance(result, Outcome) or frame.motor_angle is None:
             continue
@@ -53,9 +63,14 @@ def bent_frames(measurement: Measurement, own_beam: OwnBeamOf | None = None) -> 
         return None
     length = measurement.rig.beam.length
     beam = PushBeam(tuple(one.points for one in fitted), measurement.rig)
-    best = min((one.fit for one in fitted), key=lambda fit: float(fit.covariance[S_C, S_C]))
+    best = min(fitted, key=lambda one: float(one.fit.covariance[S_C, S_C]))
+    bent = best.points.problem.bent(best.fit.p)
+    assert bent is not None, "the fit has a shape"
+    _, _, x_c, y_c, _, _ = bent.contacts[-1]
     q = np.array([one.fit.p[Q] for one in fitted]) / length**2
-    return BentFrames(tuple(frames), beam, q, best.p[beam.fitted], best.p[S_C] * length)
+    return BentFrames(
+        tuple(frames), beam, q, best.fit.p[beam.fitted], math.hypot(x_c, y_c) * length
+    )
 
 
 class _Fitted(NamedTuple):
@@ -67,12 +82,25 @@ class _Fitted(NamedTuple):
 
 @once
 def _fitted(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted | Outcome:
+    return _fitted_by(fit_with_neighbours, frame, own_beam)
+
+
+@once
+def _fitted_alone(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted | Outcome:
+    return _fitted_by(fit_frame, frame, own_beam)
+
+
+def _fitted_by(
+    fit_of: Callable[[Problem, FrameProblem], FittedFrame | None],
+    frame: Measurement,
+    own_beam: OwnBeamOf | None,
+) -> _Fitted | Outcome:
     bowed = with_bow(frame)
     # As in `exact_fit`, without tips: a detected tip may be an occluder's edge.
     problem = problem_of(bowed, with_tip=False)
     fitted = None
     if problem.points:
-        fitted = fit_frame(problem, frame_problem_of(bowed, problem, own_beam=own_beam))
+        fitted = fit_of(problem, frame_problem_of(bowed, problem, own_beam=own_beam))
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(frame, problem, fit)
     if fitted is None or fit is None or refusal is not None:

@@ -101,29 +101,35 @@ class Push:
         """Whether the push is modelled with friction."""
         return bool(self.ratio_matrix.shape[1])
 
-    def fit(self, start: Floats) -> Fit:
+    def fit(self, start: Floats) -> "PushFit":
         """Fit from a start (p,), whose shapes exist."""
-        last: tuple[Floats, Shapes] | None = None
+        evaluated: list[tuple[Floats, PushAt]] = []
 
         def rows(parameters: Floats) -> Rows | None:
-            nonlocal last
             near = None
-            if last is not None:
-                before, shapes = last
-                near = shapes.places + shapes.d_places @ (parameters - before)
-            at = self.at(parameters, near)
-            if at is None:
+            if evaluated:
+                before, at = evaluated[-1]
+                near = at.shapes.places + at.shapes.d_places @ (parameters - before)
+            found = self.at(parameters, near)
+            if found is None:
                 return None
-            last = parameters, at.shapes
-            return at.joint
+            evaluated.append((parameters, found))
+            return found.joint
 
-        return fit_rows(rows, start)
+        fit = fit_rows(rows, start)
+        # The last evaluation may have been of a step that was not taken.
+        at = next(at for parameters, at in evaluated if parameters is fit.parameters)
+        return PushFit(fit, at)
 
     def shapes(self, parameters: Floats, near: Floats | None = None) -> Shapes | None:
-        """Solve for the places with the object at x0, by Newton's steps; None if none exist.
+        """Solve for the places with the object at x0; None if Newton's steps do not converge.
 
-        The steps begin at places `near` (n,) the solution, or at x0.
+        They begin at places `near` (n,) the solution, and where these fail, at x0.
         """
+        found = None if near is None else self._shapes_from(parameters, near)
+        return found or self._shapes_from(parameters, None)
+
+    def _shapes_from(self, parameters: Floats, near: Floats | None) -> Shapes | None:
         count, length = len(self.frames), self.rig.beam.length
         q, friction_ratio = parameters[:count], self.ratio_matrix @ parameters[self.size :]
         x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
@@ -248,6 +254,13 @@ class Push:
         sigma[count] = RADIUS_SIGMA * self.rig.beam.length
         sigma[count + 1 :] = self.friction_sigma
         return Rows(residual / sigma, (jacobian / sigma[:, None]).T)
+
+
+class PushFit(NamedTuple):
+    """Fit of a push, and the push at its parameters."""
+
+    fit: Fit
+    at: "PushAt"
 
 
 class PushAt(NamedTuple):

@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from solver.beams.beam import FRICTION_RATIO
+from solver.core.least_squares import CONVERGED
+from solver.core.robust import VARIANCE_FACTOR
 from solver.fitting.frame_estimate import fit_frame, with_bow
-from solver.fitting.frame_problem import OwnBeamOf, frame_problem_of, only
+from solver.fitting.frame_problem import frame_problem_of, only
 from solver.fitting.frame_values import frame_values
 from solver.fitting.robust_fit import residuals_at
 from solver.fitting.verdict import classified_estimate
@@ -21,25 +23,22 @@ from solver.instrument.measurement import Measurement
 from solver.uniform.problem import problem_of
 
 
-def with_unknown_friction(
-    alone: Estimate, measurement: Measurement, own_beam: OwnBeamOf | None, sigma: float
-) -> Estimate:
-    """Add a friction ratio of this `sigma` to the estimate `alone`, in which it is zero.
-
-    `own_beam` is that of `frame_problem_of`.
-    """
+def with_unknown_friction(alone: Estimate, measurement: Measurement, sigma: float) -> Estimate:
+    """Add a friction ratio of this `sigma` to the estimate `alone`, in which it is zero."""
     if alone.covariance is None:
         return alone
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tip=False)
-    fitted = fit_frame(problem, frame_problem_of(bowed, problem, own_beam=own_beam))
-    if fitted is None:
+    fitted = fit_frame(problem, frame_problem_of(bowed, problem))
+    if fitted is None or fitted.fit.status != CONVERGED:
         return alone
     model, fit = fitted.model, fitted.fit
     rows = residuals_at(only(model, fit.kept), fit.p)
     assert rows is not None, "the fit has a shape"
     gradient = rows.jacobian @ rows.jacobian[FRICTION_RATIO]
-    response = -fit.covariance @ gradient / fit.variance_inflation
+    # The fit's gain: its covariance without what outliers and correlated errors have added.
+    widened = fit.variance_inflation * (1.0 if fit.kept.all() else VARIANCE_FACTOR)
+    response = -fit.covariance @ gradient / widened
     response[FRICTION_RATIO] = 1.0
     considered = fit.covariance + sigma**2 * np.outer(response, response)
     _, without = frame_values(measurement, model, fit)

@@ -67,23 +67,33 @@ def push_fit(
     With `friction`, or where the rig states that objects may have it, also estimate its
     coefficient, which a single frame does not determine. `beam` is that of `exact_fit`.
     """
-    stated_sigma = measurement.rig.shape.ratio_sigma
-    friction_sigma = stated_sigma or (FRICTION_PRIOR_SIGMA if friction else 0.0)
-    single = exact_fit(measurement, beam=beam)
-    if friction_sigma and not stated_sigma:
-        if measurement.uniform and beam is None:
-            # Not judged: friction bends a beam much as a taper does.
-            single = uniform_estimate(measurement).estimate
-        single = with_unknown_friction(single, measurement, beam, friction_sigma)
+    uniform = measurement.uniform and beam is None
+    unknown_friction = friction and not measurement.rig.shape.ratio_sigma
+    if unknown_friction and uniform:
+        # Not judged: friction bends a beam much as a taper does.
+        alone = uniform_estimate(measurement).estimate
+        single = with_unknown_friction(alone, measurement, FRICTION_PRIOR_SIGMA)
+    else:
+        if unknown_friction:
+            measurement = _with_friction(measurement)
+        single = exact_fit(measurement, beam=beam)
     if not single.values:
         return single
     if measurement.rig.known_psi:
         return single_frame(single, "the push is not in plane C")
     if measurement.motor_angle is None:
         return single_frame(single, "no motor angle is read")
-    bent = bent_frames(measurement, beam)
+    bent = bent_frames(measurement, beam, unknown_friction=unknown_friction and uniform)
     if bent is None or len(bent.frames) < 2:
         return single_frame(single, "no earlier frame shows a bend")
+    friction_sigma = measurement.rig.shape.ratio_sigma or friction * FRICTION_PRIOR_SIGMA
+    return _joint_estimate(measurement, bent, friction_sigma, single)
+
+
+def _joint_estimate(
+    measurement: Measurement, bent: BentFrames, friction_sigma: float, single: Estimate
+) -> Estimate:
+    """Estimate from all bent frames of a push; `single` is that of the last frame alone."""
     no_friction = np.zeros((len(bent.frames), 0))
     offset = _offset(measurement)
     push = Push(
@@ -102,16 +112,14 @@ def push_fit(
     if friction_sigma:
         push = _sliding(replace(push, friction_sigma=friction_sigma), bent, start, _START_SIGMA)
         start = np.append(start, np.zeros(push.ratio_matrix.shape[1]))
-    fit = push.fit(start)
+    fit, at = push.fit(start)
     if friction_sigma and not fit.rank_deficient:
         sigma = 2 * np.sqrt(fit.covariance[push.size - 2, push.size - 2])
         again = _sliding(push, bent, fit.parameters, sigma * _unit_stiffness(push, bent))
         if not np.array_equal(again.ratio_matrix, push.ratio_matrix):
             no_ratios = np.zeros(again.ratio_matrix.shape[1])
             push, start = again, np.append(fit.parameters[: push.size], no_ratios)
-            fit = push.fit(start)
-    at = push.at(fit.parameters)
-    assert at is not None, "the fit has shapes"
+            fit, at = push.fit(start)
     if not fit.rank_deficient:
         moved = at.moved_by_offset(fit.covariance)
         fit = replace(fit, covariance=fit.covariance + moved @ moved.T)
@@ -142,7 +150,7 @@ def _sliding(push: Push, bent: BentFrames, parameters: Floats, compliance_sigma:
         push.rig.deflects_towards * (onset - push.motor_angles),
         [frame.begins for frame in bent.frames],
         push.encoder_sigma,
-        slenderness=push.rig.beam.radius / bent.place,
+        slenderness=push.rig.beam.radius / bent.distance,
         softest=softest,
     )
     return replace(push, ratio_matrix=matrix)
@@ -150,19 +158,27 @@ def _sliding(push: Push, bent: BentFrames, parameters: Floats, compliance_sigma:
 
 def _unit_stiffness(push: Push, bent: BentFrames) -> float:
     """Compute the beam's own stiffness [N/m] against the object."""
-    return 3 * push.rig.beam.flexural_rigidity / bent.place**3
+    return 3 * push.rig.beam.flexural_rigidity / bent.distance**3
+
+
+def _with_friction(measurement: Measurement) -> Measurement:
+    """Return the measurement and its earlier frames with a rig that states friction."""
+    rig = measurement.rig
+    rough = replace(rig, shape=replace(rig.shape, friction_sigma=FRICTION_PRIOR_SIGMA))
+    earlier = tuple(replace(frame, rig=rough) for frame in measurement.earlier)
+    return replace(measurement, rig=rough, earlier=earlier)
 
 
 def _start(push: Push, bent: BentFrames) -> Floats | None:
     """Compute a start: one contact for all frames, onset by a straight line; None if it fails."""
     beam, side = push.rig.beam, push.rig.deflects_towards
-    parameters = np.array([*bent.q, *bent.base, bent.place, 0.0, 0.0, beam.radius])
+    parameters = np.array([*bent.q, *bent.base, bent.distance, 0.0, 0.0, beam.radius])
     shapes = push.shapes(parameters)
     if shapes is None:
         return None
     # pushing angle = side (onset - motor angle); a spring reduces it by compliance F / x0.
     force = beam.flexural_rigidity * bent.q
-    design = np.column_stack([np.full(len(bent.q), side), -force / bent.place])
+    design = np.column_stack([np.full(len(bent.q), side), -force / bent.distance])
     target = shapes.pushing_angles + side * push.motor_angles
     parameters[-PUSH + 1 : -1] = np.linalg.lstsq(design, target, rcond=None)[0]
     return parameters

@@ -628,3 +628,12 @@ def test_an_offset_of_the_clamp_moves_the_fit_as_a_fit_with_it_is_moved(friction
         # What the residuals gain by an offset, the fit takes back.
         by_offset = (behind.parameters - ahead.parameters) / (2 * step) / sigmas
         assert column / sigmas == pytest.approx(by_offset, abs=0.02 * np.abs(by_offset).max())
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_push_may_bend_the_beam_by_half_a_right_angle(friction: bool) -> None:
+    measurement, state = measured_push(still(0.12, 0.0), angles_deg=(10.0, 30.0, 50.0))
+    answer = push_fit(measurement, friction)
+    assert answer.outcome is Outcome.CONTACT, answer
+    assert answer.message.startswith("3 frames")
+    assert abs(answer.values["x_c_m"] - state.contact.point[0]) < 3 * answer.sigma("x_c_m")

@@ -144,7 +144,7 @@ def cone() -> tuple[PushBeam, Floats]:
     measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(4.0, 8.0, 12.0))
     bent = bent_frames(of(measurement, CONE))
     assert bent is not None
-    return bent.beam, np.array([bent.q, np.full(3, bent.place), [0.1, -0.1, 0.2]])
+    return bent.beam, np.array([bent.q, np.full(3, bent.distance), [0.1, -0.1, 0.2]])
 
 
 def test_the_gradients_of_contacts_are_their_derivatives() -> None:
@@ -206,3 +206,14 @@ def test_the_line_at_first_contact_is_that_of_the_bowed_beam() -> None:
         before = bowed_beam.first_touch((parameters - step)[0], (parameters - step)[1:])
         change = (np.array(after[:3]) - np.array(before[:3])) / 2e-6
         assert change == pytest.approx(first.gradients[:, i], abs=1e-8)
+
+
+@pytest.mark.parametrize("shape", [(0.0, 0.002, 0.0, 0.0), (0.0, 0.0, 0.02, 0.0)])
+def test_friction_that_no_rig_states_is_fitted_on_any_beam(
+    shape: tuple[float, float, float, float],
+) -> None:
+    measurement, state = measured_push(still(0.12, 0.0), friction=0.3)
+    estimate = push_fit_friction(of(measurement, stated_shape(*shape)))
+    assert estimate.outcome is Outcome.CONTACT, estimate
+    assert abs(estimate.values["x_c_m"] - state.contact.point[0]) < 3 * estimate.sigma("x_c_m")
+    assert estimate.values["friction"] == pytest.approx(0.3, abs=3 * estimate.sigma("friction"))
