@@ -143,7 +143,17 @@ def test_a_board_with_markers_is_read_in_either_layout_and_never_mirrored(
             detect_board(np.ascontiguousarray(mirrored), board)
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(11, 8), (9, 8), (8, 10), (12, 6), (10, 6)])
+@pytest.mark.parametrize(
+    ("columns", "rows"),
+    [
+        (11, 8),
+        (8, 10),
+        (10, 6),
+        # The search for the number of columns does not depend on the stated one.
+        pytest.param(9, 8, marks=pytest.mark.thorough),
+        pytest.param(12, 6, marks=pytest.mark.thorough),
+    ],
+)
 def test_markers_show_a_board_of_another_size(
     columns: int, rows: int, random: np.random.Generator
 ) -> None:

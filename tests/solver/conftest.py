@@ -1,0 +1,41 @@
+"""Two pure functions that cost most are computed once for equal images, in all tests of a process.
+
+The example rig and the tests' dataset are opened by many tests: a board's points and the beam's
+appearance depend on the images and on what is passed beside them alone. Tests of these functions
+themselves call the originals.
+"""
+
+import pickle
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import pytest
+
+from solver import calibrate
+from solver.centreline import extractor
+
+
+def once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function, which keeps its results; exceptions are raised anew."""
+    results: dict[bytes, Any] = {}
+
+    def kept(*arguments: Any) -> Any:
+        # Without what an argument has cached in itself.
+        values = [
+            (type(one).__name__, asdict(one)) if is_dataclass(one) else one for one in arguments
+        ]
+        key = pickle.dumps(values)
+        if key not in results:
+            results[key] = function(*arguments)
+        return results[key]
+
+    return kept
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _computed_once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibrate, "detect_board", once(calibrate.detect_board))
+        patch.setattr(extractor, "learn_appearance", once(extractor.learn_appearance))
+        yield
