@@ -129,7 +129,7 @@ def test_a_beam_with_two_loads_is_left_out_and_points_off_the_beam_are_rejected(
 
 
 def test_the_fitted_line_is_on_the_points() -> None:
-    drawn = drawn_set(51, SetSpec(marks=6, known_forces=3))
+    drawn = drawn_set(51, SetSpec(rest=1, loads=2, marks=6, known_forces=2))
     answer = answered(drawn)
     assert answer.fit
     for i, shown in enumerate(drawn.shown):
