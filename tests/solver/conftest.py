@@ -1,19 +1,21 @@
 """Two pure functions that cost most are computed once for equal images, in all tests of a process.
 
 The example rig and the tests' dataset are opened by many tests: a board's points and the beam's
-appearance depend on the images and on what is passed beside them alone. Tests of these functions
-themselves call the originals.
+appearance depend on the images and on what is passed beside them alone. The tests of calibration
+call the original.
 """
 
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, is_dataclass
-from typing import Any
+from typing import Any, Final
 
 import pytest
 
 from solver import calibrate
 from solver.centreline import extractor
+
+DETECT_BOARD: Final = calibrate.detect_board
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -36,6 +38,6 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
 @pytest.fixture(scope="session", autouse=True)
 def _computed_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrate, "detect_board", once(calibrate.detect_board))
+        patch.setattr(calibrate, "detect_board", once(DETECT_BOARD))
         patch.setattr(extractor, "learn_appearance", once(extractor.learn_appearance))
         yield
