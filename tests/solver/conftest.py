@@ -13,7 +13,7 @@ from typing import Any, Final
 import pytest
 
 from solver import calibrate
-from solver.centreline import extractor
+from solver.centreline.appearance import learn_appearance
 
 DETECT_BOARD: Final = calibrate.detect_board
 
@@ -25,7 +25,10 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     def kept(*arguments: Any) -> Any:
         # Without what an argument has cached in itself.
         values = [
-            (type(one).__name__, asdict(one)) if is_dataclass(one) else one for one in arguments
+            (type(one).__name__, asdict(one))
+            if is_dataclass(one) and not isinstance(one, type)
+            else one
+            for one in arguments
         ]
         key = pickle.dumps(values)
         if key not in results:
@@ -39,5 +42,5 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
 def _computed_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrate, "detect_board", once(DETECT_BOARD))
-        patch.setattr(extractor, "learn_appearance", once(extractor.learn_appearance))
+        patch.setattr("solver.centreline.extractor.learn_appearance", once(learn_appearance))
         yield
