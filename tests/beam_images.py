@@ -5,6 +5,7 @@ points, each of which lies on the beam or beside it.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -116,8 +117,17 @@ def cover(
 ) -> tuple[Floats, Floats]:
     """Share of every pixel (height, width) that a beam along `pixels` (n, 2) covers, and its light.
 
-    The light is that of a beam whose middle shines with 1.
+    The light is that of a beam whose middle shines with 1. Tests draw many images of one shape:
+    the last ones are kept.
     """
+    return _cover(np.ascontiguousarray(pixels).tobytes(), look, shape, points, generator)
+
+
+@lru_cache(maxsize=64)
+def _cover(
+    line_of_pixels: bytes, look: Look, shape: tuple[int, int], points: int, generator: int
+) -> tuple[Floats, Floats]:
+    pixels = np.frombuffer(line_of_pixels).reshape(-1, 2)
     step = np.hypot(*np.diff(pixels, axis=0).T)
     s = np.concatenate([[0.0], np.cumsum(step)])
     curve = CubicSpline(s, pixels)
@@ -149,6 +159,8 @@ def cover(
             shine *= np.clip(before_tip / FADED_PX, 0, 1)
         covered[some] = inside.mean(axis=1)
         shining[some] = (shine * (1 + look.skew * r)).mean(axis=1)
+    for each in (covered, shining):
+        each.setflags(write=False)
     return covered.reshape(shape), shining.reshape(shape)
 
 

@@ -1,5 +1,7 @@
 """Calibration targets drawn in numpy, without meshes or rays: a road of its own to their images."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -66,13 +68,15 @@ def _on_board(normalised: Floats, board_from_camera: Floats, telecentric: bool) 
     """Where rays (..., 2) meet the board's plane (..., 2) [m]."""
     rotation, eye = board_from_camera[:3, :3], board_from_camera[:3, 3]
     x, y = normalised[..., 0], normalised[..., 1]
-    if telecentric:
-        start = eye + x[..., None] * rotation[:, 0] + y[..., None] * rotation[:, 1]
-        ray = np.broadcast_to(rotation[:, 2], start.shape)
-    else:
-        start = eye
-        ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation.T
-    return np.asarray((start - ray * (start[..., 2] / ray[..., 2])[..., None])[..., :2])
+    moved = [axis[0] * x + axis[1] * y for axis in rotation]
+    start = [at + by for at, by in zip(eye, moved, strict=True)] if telecentric else eye
+    ray = (
+        rotation[:, 2]
+        if telecentric
+        else [by + axis[2] for by, axis in zip(moved, rotation, strict=True)]
+    )
+    far = start[2] / ray[2]
+    return np.stack([start[0] - ray[0] * far, start[1] - ray[1] * far], axis=-1)
 
 
 def reflectance(board: Board, points: Floats) -> Floats:
@@ -110,6 +114,7 @@ def _inked(board: LineNetwork, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
     return np.asarray(on_line[0] | on_line[1])
 
 
+@cache
 def _charuco_print(board: Charuco) -> npt.NDArray[np.uint8]:
     """OpenCV's own picture of the board, ten pixels a square."""
     dictionary = cv2.aruco.getPredefinedDictionary(

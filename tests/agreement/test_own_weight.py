@@ -17,7 +17,7 @@ from vbaa_bench.mechanics.loaded import Load, LoadedBeam, loaded
 from vbaa_bench.mechanics.rod import Rod
 
 LENGTH, EI = BEAM.length, BEAM.flexural_rigidity
-DENSE = np.linspace(0.0, LENGTH, 2001)
+DENSE = np.linspace(0.0, LENGTH, 1001)
 SHAPE = stated_shape(taper=0.0, softness=0.0, section=0.02, friction=0.0)
 # The tip's sag over the length: that of a steel wire of 0.8 mm, 4 mm of 240.
 SAG = 0.017

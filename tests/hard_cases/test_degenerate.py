@@ -67,7 +67,17 @@ NO_BEAM = {
 }
 
 
-@pytest.mark.parametrize("points", NO_BEAM.values(), ids=NO_BEAM.keys())
+# Those on which a fit takes longest; others of their kind are in the quick run.
+LONG = {"a line across the beam", "a line beside the beam", "behind the clamp"}
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        pytest.param(points, id=kind, marks=[pytest.mark.thorough] if kind in LONG else [])
+        for kind, points in NO_BEAM.items()
+    ],
+)
 @pytest.mark.parametrize("name", VISUAL)
 def test_points_of_no_pushed_beam_give_a_sentence(name: str, points: Floats) -> None:
     alone = replace(with_points(FLAT, points), earlier=())

@@ -67,7 +67,9 @@ def test_a_turned_board_is_not_taken_for_another(name: str, roll_deg: float) -> 
 
 
 @pytest.mark.parametrize("name", ["chessboard", "charuco"])
-@pytest.mark.parametrize("roll_deg", [-130.0, 90.0, 180.0])
+@pytest.mark.parametrize(
+    "roll_deg", [pytest.param(-130.0, marks=pytest.mark.thorough), 90.0, 180.0]
+)
 def test_the_pattern_shows_any_roll(name: str, roll_deg: float) -> None:
     away = 0.1 if name == "chessboard" else 0.02
     assert np.abs(errors(name, camera(roll_deg), tilted(MIDDLE, 0, away, 0.2))).max() < 0.3
@@ -143,7 +145,17 @@ def test_a_board_with_markers_is_read_in_either_layout_and_never_mirrored(
             detect_board(np.ascontiguousarray(mirrored), board)
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(11, 8), (9, 8), (8, 10), (12, 6), (10, 6)])
+@pytest.mark.parametrize(
+    ("columns", "rows"),
+    [
+        (8, 10),
+        (10, 6),
+        # The search for the number of columns does not depend on the stated one.
+        pytest.param(11, 8, marks=pytest.mark.thorough),
+        pytest.param(9, 8, marks=pytest.mark.thorough),
+        pytest.param(12, 6, marks=pytest.mark.thorough),
+    ],
+)
 def test_markers_show_a_board_of_another_size(
     columns: int, rows: int, random: np.random.Generator
 ) -> None:

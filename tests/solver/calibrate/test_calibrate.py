@@ -137,7 +137,9 @@ def test_a_view_without_the_board_is_refused(name: str, said: str) -> None:
         calibrate([np.zeros((280, 320), np.uint8)], rig(board))
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(12, 9), (9, 6)])
+@pytest.mark.parametrize(
+    ("columns", "rows"), [(12, 9), pytest.param(9, 6, marks=pytest.mark.thorough)]
+)
 def test_another_number_of_corners_is_said(columns: int, rows: int) -> None:
     board, view = (
         Chessboard(columns=columns, rows=rows, square=10e-3),

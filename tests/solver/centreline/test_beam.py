@@ -176,7 +176,7 @@ def learned_along_a_row(
     return seen(drawn(guide(), pushed_shape, thin), beam), guide().pixels(pushed_shape)
 
 
-@pytest.mark.parametrize("offset_px", [0.2, 0.3])
+@pytest.mark.parametrize("offset_px", [0.2, pytest.param(0.3, marks=pytest.mark.thorough)])
 def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(
     offset_px: float, random: np.random.Generator
 ) -> None:
@@ -310,7 +310,7 @@ def test_an_image_without_the_beam_shows_none(kind: str, random: np.random.Gener
     assert line.tip is None
 
 
-@pytest.mark.parametrize("light", [0.0, 0.05, 2.0])
+@pytest.mark.parametrize("light", [0.0, pytest.param(0.05, marks=pytest.mark.thorough), 2.0])
 def test_rest_images_without_a_beam_are_refused(light: float) -> None:
     images = [SENSOR(np.full((HEIGHT, WIDTH), light), generator(__name__, n)) for n in (1, 2)]
     with pytest.raises(InputError, match="beam"):
@@ -350,7 +350,10 @@ def test_gain_and_offset_of_the_gray_values_change_nothing(random: np.random.Gen
     assert np.abs(distances(found.points, pixels)).max() < 0.07
 
 
-@pytest.mark.parametrize(("look", "roll"), [(BRIGHT, 0.0), (DARK, 0.0), (BRIGHT, UP)])
+@pytest.mark.parametrize(
+    ("look", "roll"),
+    [(BRIGHT, 0.0), pytest.param(DARK, 0.0, marks=pytest.mark.thorough), (BRIGHT, UP)],
+)
 def test_the_centroid_finds_the_same_beam_less_sharply(
     look: Look, roll: float, random: np.random.Generator
 ) -> None:

@@ -96,9 +96,9 @@ def test_photographs_give_a_table_a_page_and_json(
 
 def test_mistakes_are_named(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     command = CommandLine(main, capfd)
-    cv2.imwrite(str(folder / "2.png"), np.zeros((50, 60), np.uint8))
+    cv2.imwrite(str(folder / "1.png"), np.zeros((50, 60), np.uint8))
     assert "allowed is the size of" in command.refused("photos", folder)
-    (folder / "2.png").unlink()
-    assert "2.png" in command.refused("photos", folder)
+    (folder / "1.png").unlink()
+    assert "1.png" in command.refused("photos", folder)
     (folder / "photos.json").write_text("[]", encoding="utf-8")
     assert "the key photos is missing" in command.refused("photos", folder)

@@ -191,7 +191,7 @@ def test_a_tenth_of_stray_points_is_not_followed(random: np.random.Generator) ->
     assert found.sigma < 0.005 * EI
 
 
-@pytest.mark.parametrize("factor", [30.0, 1 / 30])
+@pytest.mark.parametrize("factor", [30.0, pytest.param(1 / 30, marks=pytest.mark.thorough)])
 def test_a_rig_that_is_30_times_off_does_not_matter(
     factor: float, random: np.random.Generator
 ) -> None:
