@@ -20,13 +20,15 @@ from solver.instrument.images import to_grey
 from solver.instrument.measurement import Measurement
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.methods import Method
-from solver.outline.contacts import Touch, placed, touch_of
+from solver.outline.contacts import CarriageContact, carriage_contact, placed
 from solver.outline.fit import Outline, fit_outline
 from solver.to_measurement import to_measurement
 
 # Chosen: a longer push is thinned to every other frame, so that memory is bounded and the whole
 # push stays covered.
 MAX_PUSH_FRAMES = 32
+# Most poses of a carriage that are remembered. Chosen: their outline is fitted in three seconds.
+MAX_POSES = 1000
 INTERLACED = "the image's rows alternate, as in interlaced video: record progressive images"
 
 
@@ -49,6 +51,8 @@ class FrameSolution:
 class PushTracker:
     """Estimator of contact and force in consecutive frames, with the memory of their push.
 
+    It also remembers the last contact at each pose of a carriage, for `outline`.
+
     A push ends where its `push_id` changes; where frames have none, as from a live camera, it ends
     with a frame without contact.
     """
@@ -57,7 +61,7 @@ class PushTracker:
         self._antenna, self._method = antenna, method
         self._push: list[Measurement] = []
         self._push_id = ""
-        self._touches: dict[str, Touch] = {}
+        self._contacts: dict[Carriage, CarriageContact] = {}
 
     def solve(
         self, image: Grey, readings: Readings = NO_READINGS, push_id: str = ""
@@ -88,9 +92,13 @@ class PushTracker:
                 self._push = []
             else:
                 self._remember(measurement)
-        touch = touch_of(estimate, readings)
-        if touch is not None:
-            self._touches[str(len(self._touches))] = touch
+        contact = carriage_contact(estimate, readings)
+        if contact is not None:
+            # The last contact at each pose: frames of one pose share its errors.
+            self._contacts.pop(contact.carriage, None)
+            self._contacts[contact.carriage] = contact
+            if len(self._contacts) > MAX_POSES:
+                del self._contacts[next(iter(self._contacts))]
         return FrameSolution(estimate, line, seconds, processor_seconds, trace)
 
     def update(
@@ -129,13 +137,19 @@ class PushTracker:
         return self.solve(gray, readings, push_id).estimate
 
     def outline(self) -> Outline:
-        """Fit the outline of an object to all contacts so far with a carriage and a motor angle.
+        """Fit the outline of an object to the last contact at each pose of the carriage.
 
-        Raises InputError if there are too few, or if they fit no convex outline.
+        These are the last MAX_POSES poses; another object needs another tracker. Points are in [m]
+        on the object's table, normals in [rad]. Raises InputError if there are too few contacts in
+        Sigma_o with a motor angle, or if they fit no convex outline.
         """
-        if not self._touches:
-            raise InputError("no frame with the outcome 'contact' had a carriage and a motor angle")
-        return fit_outline(placed(self._touches, self._antenna.rig))
+        if not self._contacts:
+            raise InputError(
+                "no frame with the outcome 'contact' had a carriage, a motor angle, and a contact "
+                "in Sigma_o with its force and covariance"
+            )
+        names = {str(i): contact for i, contact in enumerate(self._contacts.values())}
+        return fit_outline(placed(names, self._antenna.rig))
 
     def _remember(self, measurement: Measurement) -> None:
         if len(self._push) == MAX_PUSH_FRAMES:

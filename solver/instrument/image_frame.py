@@ -20,7 +20,7 @@ class Carriage:
     """Pose of Sigma_o on the table of the object: x, y [m] and turn about z [rad].
 
     `position_sigma` [m] is the standard deviation of each coordinate, `turn_sigma` [rad] that of
-    the turn.
+    the turn. Raises InputError unless all are finite numbers, and the sigmas not negative.
     """
 
     x: float
@@ -28,6 +28,14 @@ class Carriage:
     turn: float
     position_sigma: float = 0.0
     turn_sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        pose, sigmas = (self.x, self.y, self.turn), (self.position_sigma, self.turn_sigma)
+        if not all(math.isfinite(value) for value in (*pose, *sigmas)) or min(sigmas) < 0:
+            raise InputError(
+                f"the carriage is at {pose} with the sigmas {sigmas}, allowed are finite numbers "
+                "and sigmas that are not negative"
+            )
 
     @classmethod
     def at(
@@ -38,12 +46,7 @@ class Carriage:
         sigma_mm: float = 0.0,
         turn_sigma_deg: float = 0.0,
     ) -> "Carriage":
-        """Make a carriage of its readings. Raises InputError if they are not finite numbers."""
-        readings = (x_mm, y_mm, turn_deg, sigma_mm, turn_sigma_deg)
-        if not all(map(math.isfinite, readings)) or min(readings[3:]) < 0:
-            raise InputError(
-                f"the carriage's readings are {readings}, allowed are finite numbers, sigmas >= 0"
-            )
+        """Make a carriage of its readings. Raises InputError."""
         mm = MILLIMETRE
         return cls(x_mm * mm, y_mm * mm, turn_deg * DEGREE, sigma_mm * mm, turn_sigma_deg * DEGREE)
 
@@ -75,6 +78,8 @@ class Readings:
         for name, values in sensors.items():
             if not all(value is None or math.isfinite(value) for value in values):
                 raise InputError(f"the reading {name} is {values}, allowed are finite numbers")
+        if not isinstance(self.carriage, Carriage | None):
+            raise InputError(f"the carriage is {self.carriage!r}, allowed is a solver.Carriage")
 
 
 NO_READINGS = Readings()

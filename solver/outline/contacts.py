@@ -55,7 +55,7 @@ class Contacts:
         return np.asarray(self.covariances + by_sigma @ by_sigma.transpose(0, 2, 1))
 
 
-class Touch(NamedTuple):
+class CarriageContact(NamedTuple):
     """Contact in Sigma_o: point (2,) [m], its covariance (2, 2), direction of the force [rad].
 
     The direction is that in Sigma_a, which `motor_angle` [rad] turns; `carriage` places Sigma_o.
@@ -68,31 +68,35 @@ class Touch(NamedTuple):
     carriage: Carriage
 
 
-def touch_of(estimate: Estimate, readings: Readings) -> Touch | None:
+def carriage_contact(estimate: Estimate, readings: Readings) -> CarriageContact | None:
     """Return the contact of an estimate at the pose of a carriage.
 
-    Return None where there is no contact, no carriage or no motor angle.
+    Return None where there is no contact in Sigma_o with force and covariance, no carriage or no
+    motor angle.
     """
     motor_angle = estimate.values.get("motor_angle_rad", readings.motor_angle)
-    carriage = readings.carriage
-    if estimate.outcome is not Outcome.CONTACT or carriage is None or motor_angle is None:
+    carriage, names = readings.carriage, ("contact_world_x_m", "contact_world_y_m")
+    known = {*names, "force_x_n", "force_y_n"} <= estimate.values.keys()
+    if estimate.outcome is not Outcome.CONTACT or not known or estimate.covariance is None:
         return None
-    names = ("contact_world_x_m", "contact_world_y_m")
-    return Touch(
+    covariance = estimate.covariance_of(*names)
+    if carriage is None or motor_angle is None or not np.linalg.eigvalsh(covariance)[0] > 0:
+        return None
+    return CarriageContact(
         np.array([estimate.values[name] for name in names]),
-        estimate.covariance_of(*names),
+        covariance,
         math.atan2(estimate.values["force_y_n"], estimate.values["force_x_n"]),
         motor_angle,
         carriage,
     )
 
 
-def placed(touches: Mapping[str, Touch], rig: Rig) -> Contacts:
+def placed(contacts_by_name: Mapping[str, CarriageContact], rig: Rig) -> Contacts:
     """Place contacts, by the names of their frames, on the table of their object."""
-    contacts = [_placed(touch, rig) for touch in touches.values()]
+    contacts = [_placed(touch, rig) for touch in contacts_by_name.values()]
     points, normals, covariances, shared = zip(*contacts, strict=True)
     return Contacts(
-        tuple(touches),
+        tuple(contacts_by_name),
         np.array(points),
         np.array(normals),
         np.array(covariances),
@@ -110,7 +114,7 @@ def contacts_of(rows: Iterable[Row], frames: Iterable[ImageFrame], rig: Rig) -> 
     """
     by_id = {frame.frame_id: frame for frame in frames}
     by_path = {frame.path.resolve(): frame for frame in frames}
-    touches: dict[str, Touch] = {}
+    contacts_by_name: dict[str, CarriageContact] = {}
     for row in rows:
         if row["outcome"] != Outcome.CONTACT:
             continue
@@ -119,13 +123,13 @@ def contacts_of(rows: Iterable[Row], frames: Iterable[ImageFrame], rig: Rig) -> 
         frame = by_id.get(name) or by_path.get(Path(name).resolve())
         if frame is None:
             raise InputError(f"the frame {name} of the estimates is missing in the readings")
-        touches[name] = _touch_of_row(row, frame)
-    if not touches:
+        contacts_by_name[name] = _contact_of_row(row, frame)
+    if not contacts_by_name:
         raise InputError("the estimates have no frame with the outcome 'contact'")
-    return placed(touches, rig)
+    return placed(contacts_by_name, rig)
 
 
-def _touch_of_row(row: Row, frame: ImageFrame) -> Touch:
+def _contact_of_row(row: Row, frame: ImageFrame) -> CarriageContact:
     carriage, motor_angle = frame.readings.carriage, frame.readings.motor_angle
     if carriage is None:
         raise InputError(f"the readings of frame {frame.frame_id} have no carriage_x_mm")
@@ -145,7 +149,7 @@ def _touch_of_row(row: Row, frame: ImageFrame) -> Touch:
             f"{correlation:g}, allowed are sigmas > 0 and a correlation between -1 and 1"
         )
     off_diagonal = correlation * x_sigma * y_sigma
-    return Touch(
+    return CarriageContact(
         np.array([x, y]),
         np.array([[x_sigma**2, off_diagonal], [off_diagonal, y_sigma**2]]),
         math.atan2(_number(row, "force_y_n"), _number(row, "force_x_n")),
@@ -163,7 +167,7 @@ class _Contact(NamedTuple):
     shared: Floats
 
 
-def _placed(touch: Touch, rig: Rig) -> _Contact:
+def _placed(touch: CarriageContact, rig: Rig) -> _Contact:
     carriage, arm = touch.carriage, touch.point
     # The error of Sigma_a is a shift, and a rotation about the board's middle: `fitting/frames.py`.
     by_sigma_a = np.column_stack([np.eye(2), _across(arm - rig.antenna_from_board[:2, 3])])

@@ -315,6 +315,10 @@ def test_a_tracker_fits_the_outline_of_what_it_has_touched() -> None:
         carriage = Carriage.at(1e3 * x, 1e3 * y, turn)
         estimate = tracker.update(touched, motor_angle_deg=0.0, carriage=carriage)
         assert estimate.outcome is Outcome.CONTACT
+        # What a method does not estimate cannot be placed, and is no error.
+        alone = PushTracker(lab, lambda _: Estimate(Outcome.CONTACT, values={"x_c_m": 0.06}))
+        assert alone.update(touched, motor_angle_deg=0.0, carriage=carriage).values
     outline = tracker.outline()
     assert outline.closed
+    assert len(outline.used) == 18
     assert np.hypot(*outline.points.T) == pytest.approx(radius, rel=0.02)

@@ -11,7 +11,7 @@ import pytest
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.image_frame import Carriage, ImageFrame, Readings
-from solver.outline.contacts import contacts_of, placed, touch_of
+from solver.outline.contacts import carriage_contact, contacts_of, placed
 from tests.simulated import rig
 
 RIG = rig(board_translation=1e-5, board_rotation=2e-4, encoder=1e-4)
@@ -101,17 +101,17 @@ def test_an_estimate_is_placed_as_its_row_of_the_table() -> None:
     covariance[0, 1] = covariance[1, 0] = off_diagonal
     values = dict(zip(names, (0.15, 0.02, -0.1, 0.995), strict=True))
     estimate = Estimate(Outcome.CONTACT, values=values, covariance=covariance)
-    touch = touch_of(estimate, FRAME.readings)
+    touch = carriage_contact(estimate, FRAME.readings)
     assert touch is not None
     one, other = placed({"a": touch}, RIG), contacts_of([ROW], [FRAME], RIG)
     assert one.points == pytest.approx(other.points)
     assert one.normals == pytest.approx(other.normals)
     assert one.covariances == pytest.approx(other.covariances)
-    assert touch_of(Estimate(Outcome.NO_CONTACT), FRAME.readings) is None
-    assert touch_of(estimate, replace(FRAME.readings, carriage=None)) is None
+    assert carriage_contact(Estimate(Outcome.NO_CONTACT), FRAME.readings) is None
+    assert carriage_contact(estimate, replace(FRAME.readings, carriage=None)) is None
 
 
 def test_a_carriage_of_no_pose_is_refused() -> None:
     assert Carriage.at(300.0, -100.0, 90.0, 0.005).x == pytest.approx(0.3)
-    with pytest.raises(InputError, match="allowed are finite numbers, sigmas >= 0"):
+    with pytest.raises(InputError, match="allowed are finite numbers and sigmas"):
         Carriage.at(math.nan, 0.0, 0.0)
