@@ -42,7 +42,7 @@ class CalibratedRig:
         beam: str | OwnBeamOf | None = None,
         warm: bool = False,
     ) -> PushTracker:
-        """Return a tracker with the memory of one push, by a method's name or a function.
+        """Return a tracker, which remembers one push, by a method's name or a function.
 
         `beam` is that of `exact_fit`, or its package.module:function. `warm` compiles all code for
         a frame beforehand. Raises InputError for an unknown name, for a method without a beam, and
@@ -83,8 +83,7 @@ class CalibratedRig:
     def save(self, path: str | Path) -> None:
         """Write the calibrated rig to a file, with which `load_rig` starts at once.
 
-        Raises InputError if it cannot be written, or if an extractor of the user's own has no
-        plain fields.
+        Raises InputError if it cannot be written, or if its extractor is a class of the user's own.
         """
         save_tree(Path(path), self)
 

@@ -12,6 +12,7 @@ from solver.antenna import Antenna
 from solver.at_rest.interlacing import rows_alternate
 from solver.at_rest.landmarks import with_prior
 from solver.centreline import Centreline
+from solver.core.once import copied
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError, described
 from solver.instrument.estimate import Assumption, Estimate, Outcome
@@ -155,7 +156,8 @@ class PushTracker:
         if len(self._push) == MAX_PUSH_FRAMES:
             self._push = self._push[::2]
         # Drop its own `earlier`, or the chain of them would keep everything in memory.
-        self._push.append(replace(measurement, earlier=()))
+        # What was computed of the frame alone does not depend on it.
+        self._push.append(copied(measurement, earlier=()))
 
 
 class Extracted(NamedTuple):

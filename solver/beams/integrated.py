@@ -228,7 +228,7 @@ def _free_end(
 ) -> bool:
     """Write apparent angle and distance (2,) of the free end, and their gradients (2, p).
 
-    These are against the clamp without load, which gives. Return False if there is no such beam.
+    These are against the compliant clamp without load. Return False if there is no such beam.
     """
     shape, soft = p[:size], size + SOFTNESS
     curve = curve_of(shape, widths, radius, _STEPS_OF_A_STEP)

@@ -1,5 +1,6 @@
 """Compute once what depends on one object and a setting alone, and keep it with the object."""
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -26,3 +27,11 @@ def once(function: Callable[[One, Any], Result]) -> Callable[[One, Any], Result]
         return result
 
     return kept_result
+
+
+def copied(one: One, **changes: Any) -> One:
+    """Return a copy of a dataclass with other fields, on which its kept results do not depend."""
+    copy: One = dataclasses.replace(one, **changes)  # type: ignore[type-var]  # of any dataclass
+    if "_kept" in vars(one):
+        vars(copy)["_kept"] = vars(one)["_kept"]
+    return copy

@@ -97,7 +97,7 @@ def mounted_contact(
         (frames.TILT, at["tilt"], 1.0),
     ):
         contact[row], jacobian[row, column] = p[column] * unit, unit
-    # A clamp that gives turns the beam in its mount, in which the contact is stated.
+    # A compliant clamp turns the beam in its mount, in which the contact is stated.
     softness = at["softness"]
     turn, by_turn = p[softness] * turning, np.zeros(count + 3)
     by_turn[:size] = p[softness] * by_moment

@@ -21,6 +21,7 @@ from solver.fitting.frame_values import fitted_contact, input_variances
 from solver.fitting.push_geometry import Contacts, FirstTouch
 from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
 
@@ -227,29 +228,14 @@ class PushBeam:
         bent = self.frames[frame].problem.bent(p)
         if bent is None:
             return None
-        table, size = np.zeros((6, 1 + len(p))), len(bent.by_moment)
-        table[:, 0], table[:, 1 : 1 + size] = bent.contacts[-1], bent.by_contacts[-1]
-        _, theta, x, y, _, _ = table
         excess, by_excess = self._thicker(p, p[S_C])
-        surface = np.append(excess, by_excess)
-        sine, cosine = math.sin(theta[0]), math.cos(theta[0])
-        by_theta = np.append(0.0, theta[1:])
-        x, y = (
-            x + sine * surface + excess * cosine * by_theta,
-            y - cosine * surface + excess * sine * by_theta,
-        )
-        # The clamp turns under its moment.
         softness = self._problem.parameters["softness"]
-        turn = np.zeros(1 + len(p))
-        turn[0], turn[1 : 1 + size] = p[softness] * bent.moment, p[softness] * bent.by_moment
-        turn[1 + softness] = bent.moment
-        sine, cosine = math.sin(turn[0]), math.cos(turn[0])
-        by_turn = np.append(0.0, turn[1:])
-        turned_x, turned_y = cosine * x - sine * y, sine * x + cosine * y
-        table[2] = turned_x - turned_y[0] * by_turn
-        table[3] = turned_y + turned_x[0] * by_turn
-        table[1] += turn
-        return table
+        return np.asarray(
+            _mounted(
+                bent.contacts[-1], bent.by_contacts[-1], bent.moment, bent.by_moment,
+                excess, by_excess, p[softness], softness,
+            )
+        )  # fmt: skip
 
     def _thicker(self, p: Floats, s: float) -> tuple[float, Floats]:
         """Compute the radius at s over that at the clamp, as a difference, with gradient (p,)."""
@@ -257,3 +243,47 @@ class PushBeam:
         radius = beam.radius_at(p, s)
         gradient[: len(radius.gradient)] = radius.gradient
         return radius.value - beam.radius, gradient
+
+
+@njit
+def _mounted(
+    contact: Floats,
+    by_contact: Floats,
+    moment: float,
+    by_moment: Floats,
+    excess: float,
+    by_excess: Floats,
+    softness: float,
+    index: int,
+) -> Floats:
+    """Move a contact (6,) by the `excess` of the radius, and turn it with a compliant clamp.
+
+    Returns it with its gradient, (6, 1 + p), by p parameters, of which the first k are those of the
+    shape, by which `by_contact` (6, k) and `by_moment` (k,) are derivatives; `index` is that of the
+    softness, and `by_excess` (p,) is the gradient of the excess.
+    """
+    size, count = len(by_moment), len(by_excess)
+    table = np.zeros((6, 1 + count))
+    for i in range(6):
+        table[i, 0] = contact[i]
+        for j in range(size):
+            table[i, 1 + j] = by_contact[i, j]
+    sine, cosine = np.sin(contact[1]), np.cos(contact[1])
+    turn = softness * moment
+    turn_sine, turn_cosine = np.sin(turn), np.cos(turn)
+    for j in range(1 + count):
+        surface = by_excess[j - 1] if j else excess
+        by_theta = excess * table[1, j] if j else 0.0
+        x = table[2, j] + sine * surface + cosine * by_theta
+        y = table[3, j] - cosine * surface + sine * by_theta
+        table[2, j] = turn_cosine * x - turn_sine * y
+        table[3, j] = turn_sine * x + turn_cosine * y
+    table[1, 0] += turn
+    for j in range(count):
+        by_turn = softness * by_moment[j] if j < size else 0.0
+        if j == index:
+            by_turn += moment
+        table[1, 1 + j] += by_turn
+        table[2, 1 + j] -= table[3, 0] * by_turn
+        table[3, 1 + j] += table[2, 0] * by_turn
+    return table

@@ -1,15 +1,14 @@
 """Collect the bent frames of a push, each fitted by itself, with a start of their joint fit."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from solver.beams.beam import S_C, Q
 from solver.core.once import once
-from solver.fitting.frame_estimate import FittedFrame, fit_frame, fit_with_neighbours, with_bow
-from solver.fitting.frame_problem import FrameProblem, OwnBeamOf, frame_problem_of, only
+from solver.fitting.frame_estimate import fit_with_neighbours, with_bow
+from solver.fitting.frame_problem import OwnBeamOf, frame_problem_of, only
 from solver.fitting.push_beam import PushBeam, PushPoints
 from solver.fitting.push_joint import PushFrame
 from solver.fitting.verdict import refusal_of
@@ -17,7 +16,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.uniform.fit import FrameFit
-from solver.uniform.problem import Problem, problem_of
+from solver.uniform.problem import problem_of
 
 
 class BentFrames(NamedTuple):
@@ -34,25 +33,17 @@ class BentFrames(NamedTuple):
     distance: float
 
 
-def bent_frames(
-    measurement: Measurement,
-    own_beam: OwnBeamOf | None = None,
-    *,
-    unknown_friction: bool = False,
-) -> BentFrames | None:
+def bent_frames(measurement: Measurement, own_beam: OwnBeamOf | None = None) -> BentFrames | None:
     """Return the bent frames of a push and its last `measurement`; None if there is none.
 
     Each frame is fitted by itself first, which gives the outliers, the variance inflation of the
-    other points, and the contact. `own_beam` is that of `frame_problem_of`. With a friction that
-    the rig does not state, errors that neighbouring points share are not fitted: they would
-    explain a part of what friction bends.
+    other points, and the contact. `own_beam` is that of `frame_problem_of`.
     """
-    fitted_frame = _fitted_alone if unknown_friction else _fitted
     frames: list[PushFrame] = []
     fitted: list[_Fitted] = []
     begins = True
     for frame in (*measurement.earlier, measurement):
-        result = fitted_frame(frame, own_beam)
+        result = _fitted(frame, own_beam)
         begins = begins or result is Outcome.NO_CONTACT
         if isinstance(result, Outcome) or frame.motor_angle is None:
             continue
@@ -82,25 +73,12 @@ class _Fitted(NamedTuple):
 
 @once
 def _fitted(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted | Outcome:
-    return _fitted_by(fit_with_neighbours, frame, own_beam)
-
-
-@once
-def _fitted_alone(frame: Measurement, own_beam: OwnBeamOf | None) -> _Fitted | Outcome:
-    return _fitted_by(fit_frame, frame, own_beam)
-
-
-def _fitted_by(
-    fit_of: Callable[[Problem, FrameProblem], FittedFrame | None],
-    frame: Measurement,
-    own_beam: OwnBeamOf | None,
-) -> _Fitted | Outcome:
     bowed = with_bow(frame)
     # As in `exact_fit`, without tips: a detected tip may be an occluder's edge.
     problem = problem_of(bowed, with_tip=False)
     fitted = None
     if problem.points:
-        fitted = fit_of(problem, frame_problem_of(bowed, problem, own_beam=own_beam))
+        fitted = fit_with_neighbours(problem, frame_problem_of(bowed, problem, own_beam=own_beam))
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(frame, problem, fit)
     if fitted is None or fit is None or refusal is not None:

@@ -8,6 +8,9 @@ import numpy.typing as npt
 
 from solver.instrument.arrays import Floats, freeze
 
+# Largest difference of a direction's length from 1. Chosen: it changes no sigma by more.
+_UNIT = 1e-6
+
 
 class Flag(IntEnum):
     """Reason why no point was measured at an expected position of the beam."""
@@ -22,7 +25,8 @@ class Centreline:
     """Points (n, 2) [px], as (u, v), each measured along its unit vector in `directions` (n, 2).
 
     The error of a point is along its direction only: along the image column in which it was
-    measured, or along the row where the beam is steep. `sigma` (n,) [px] is its standard deviation.
+    measured, or along the row where the beam is steep. `sigma` (n,) [px] is its standard deviation,
+    which is positive.
     `rejected` (m, 2) [px] are expected positions of the beam without a measured point, `flags` (m,)
     the reasons. `tip` (2,) [px] is the image of the beam's free end, `tip_covariance` (2, 2) [px^2]
     its covariance; both are None if the tip is not visible. `common_sigma` [px] is the standard
@@ -46,8 +50,12 @@ class Centreline:
 
     def __post_init__(self) -> None:
         count = len(freeze(self, "points", (None, 2)))
-        freeze(self, "directions", (count, 2))
-        freeze(self, "sigma", (count,))
+        directions = freeze(self, "directions", (count, 2))
+        sigma = freeze(self, "sigma", (count,))
+        if not (sigma > 0).all():
+            raise ValueError(f"sigma is {sigma.min():g} at a point, allowed are numbers > 0")
+        if not (np.abs(np.hypot(*directions.T) - 1) < _UNIT).all():
+            raise ValueError("directions has rows that are no unit vectors")
 
 
 def down_columns(points: Floats, sigma: Floats) -> Centreline:

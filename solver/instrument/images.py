@@ -99,7 +99,7 @@ def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
 
     `channel` is one of CHANNELS; an image that is already gray is not changed. Raises InputError.
     """
-    channels = 1 if image.ndim == 2 else image.shape[2]
+    channels = {2: 1, 3: image.shape[-1]}.get(image.ndim) if image.ndim else None
     if image.dtype not in (np.uint8, np.uint16) or channels not in (1, *_TO_GREY):
         raise InputError(
             f"{name}: has shape {image.shape} and type {image.dtype}, "

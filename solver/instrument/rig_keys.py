@@ -159,7 +159,7 @@ _STATED: Final = Case(
 )
 _MEASURED: Final = Case(
     lambda keys: not keys.has("base.clamp_offset_covariance_mm2"),
-    "always: it is the covariance that is written",
+    "always; datasets state clamp_offset_covariance_mm2",
 )
 _A: Final = "Sigma_a"
 _O: Final = "Sigma_o"

@@ -29,7 +29,7 @@ _UNITS: Final = (
     Unit("_n_mm2", "N mm^2", NEWTON_SQUARE_MILLIMETRE),
     Unit("_pct_L", "% of L", PERCENT),
     Unit("_n_mm", "N mm", MILLIMETRE),
-    Unit("_n_m", "N/m", 1.0),
+    Unit("_n_m", "N/m", 1.0),  # of stiffnesses; no quantity is in N m
     Unit("_pct", "%", PERCENT),
     Unit("_deg", "deg", DEGREE),
     Unit("_rad", "rad", 1.0),

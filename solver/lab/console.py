@@ -46,7 +46,7 @@ def setting_up(quiet: bool) -> Iterator[None]:
     with Progress(
         *Progress.get_default_columns(), MofNCompleteColumn(), console=console
     ) as progress:
-        task = progress.add_task("first start: compiling for a minute or two", total=None)
+        task = progress.add_task("first start: compiling for half a minute to two", total=None)
 
         def follow() -> None:
             while not done.wait(0.5):

@@ -33,6 +33,10 @@ def with_beam(method: Method, beam: str | OwnBeamOf | None) -> Method:
     if beam is None:
         return method
     own_beam: OwnBeamOf = find_by_name("beam", beam, {}) if isinstance(beam, str) else beam
+    if not callable(own_beam):
+        raise InputError(
+            f"beam is a {type(beam).__name__}, allowed is a function of (measurement, beam)"
+        )
     if not _takes_beam(method):
         able = ", ".join(name for name, one in METHODS.items() if _takes_beam(one))
         raise InputError(

@@ -67,33 +67,29 @@ def push_fit(
     With `friction`, or where the rig states that objects may have it, also estimate its
     coefficient, which a single frame does not determine. `beam` is that of `exact_fit`.
     """
-    uniform = measurement.uniform and beam is None
     unknown_friction = friction and not measurement.rig.shape.ratio_sigma
-    if unknown_friction and uniform:
+    rough = _with_friction(measurement) if unknown_friction else measurement
+    if unknown_friction and measurement.uniform and beam is None:
         # Not judged: friction bends a beam much as a taper does.
         alone = uniform_estimate(measurement).estimate
         single = with_unknown_friction(alone, measurement, FRICTION_PRIOR_SIGMA)
     else:
-        if unknown_friction:
-            measurement = _with_friction(measurement)
-        single = exact_fit(measurement, beam=beam)
+        single = exact_fit(rough, beam=beam)
     if not single.values:
         return single
     if measurement.rig.known_psi:
         return single_frame(single, "the push is not in plane C")
     if measurement.motor_angle is None:
         return single_frame(single, "no motor angle is read")
-    bent = bent_frames(measurement, beam, unknown_friction=unknown_friction and uniform)
+    bent = bent_frames(rough, beam)
     if bent is None or len(bent.frames) < 2:
         return single_frame(single, "no earlier frame shows a bend")
-    friction_sigma = measurement.rig.shape.ratio_sigma or friction * FRICTION_PRIOR_SIGMA
-    return _joint_estimate(measurement, bent, friction_sigma, single)
+    return _joint_estimate(rough, bent, single)
 
 
-def _joint_estimate(
-    measurement: Measurement, bent: BentFrames, friction_sigma: float, single: Estimate
-) -> Estimate:
+def _joint_estimate(measurement: Measurement, bent: BentFrames, single: Estimate) -> Estimate:
     """Estimate from all bent frames of a push; `single` is that of the last frame alone."""
+    friction_sigma = measurement.rig.shape.ratio_sigma
     no_friction = np.zeros((len(bent.frames), 0))
     offset = _offset(measurement)
     push = Push(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solver.core.once import once
+from solver.core.once import copied, once
 from solver.instrument.arrays import Floats
 
 
@@ -44,3 +44,18 @@ def test_a_result_that_holds_its_object_is_dropped_with_it() -> None:
     del frame
     gc.collect()
     assert alive() is None
+
+
+def test_a_copy_keeps_the_results() -> None:
+    calls: list[object] = []
+
+    @once
+    def size(frame: Frame, setting: object) -> int:
+        calls.append(setting)
+        return len(frame.points)
+
+    frame = Frame(np.ones(3))
+    assert size(frame, None) == size(copied(frame, points=np.zeros(3)), None) == 3
+    assert len(calls) == 1
+    assert size(replace(frame), None) == 3
+    assert len(calls) == 2

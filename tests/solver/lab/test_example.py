@@ -14,8 +14,11 @@ from solver.lab.check import calibration_report
 from solver.lab.example import EXAMPLE, VIDEO
 from solver.lab.live import solve_shots
 from solver.lab.sources import open_source
+from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
+from solver.methods.push_fit import push_fit, push_fit_friction
 from solver.set_up import set_up
+from solver.tracker import PushTracker
 from tests.command_line import CommandLine
 
 TRUTH = json.loads((Path(__file__).parents[2] / "data" / "example_rig.json").read_text())
@@ -65,6 +68,16 @@ def test_the_demo_reads_right_forces_and_says_what_to_do_next(
     assert "not learned yet: EI: step 5" in ended.out
     assert f"check --rig {EXAMPLE}" in ended.out
     assert calibration_report(antenna).meaning == "good: no problem found"
+
+
+@pytest.mark.parametrize("method", [push_fit, push_fit_friction])
+def test_its_pushes_are_answered_within_three_sigmas(antenna: Antenna, method: Method) -> None:
+    tracker = PushTracker(antenna, method)
+    for frame in open_observations(EXAMPLE):
+        estimate = tracker.solve(frame.image(), frame.readings, frame.push_id).estimate
+        assert estimate.values
+        for name, value in TRUTH[frame.frame_id].items():
+            assert abs(getattr(estimate, name) - value) < 3 * estimate.sigma(name)
 
 
 @pytest.mark.thorough
