@@ -57,8 +57,7 @@ from solver.instrument.compiled import njit
 STEPS: Final[Any] = np.int64(16)
 FREE_STEPS: Final = 6
 # Newton's method: most iterations, relative change at its end, and largest relative change in one
-# of them. Chosen: what then remains is the square of that change, a hundredth of a pixel's
-# hundredth.
+# of them. Chosen: what then remains is the square of that change, 1e-4 px.
 _ITERATIONS: Final = 4
 _TOLERANCE: Final = 1e-3
 _LARGEST: Final = 0.5

@@ -147,16 +147,16 @@ class Bundle:
             by_shift = rows.jacobian[self.lens + 3 :]
             by_stretch.append(rotation[:, 1] @ by_shift * np.repeat(points[:, 1], 2))
             by_p[self._columns(view)] += rows.jacobian @ by_stretch[view]
-        # What the camera cannot imitate of it.
-        imitated = np.linalg.solve(at.normal, by_p)
+        # Its part that no change of the camera explains.
+        explained = np.linalg.solve(at.normal, by_p)
         remaining = np.concatenate(
             [
-                column - rows.jacobian.T @ imitated[self._columns(view)]
+                column - rows.jacobian.T @ explained[self._columns(view)]
                 for view, (column, rows) in enumerate(zip(by_stretch, at.rows, strict=True))
             ]
         )
-        of_prior = imitated[: self.lens] * (_PRIOR_PX / self.prior.sigma) ** 2
-        information = float(remaining @ remaining + of_prior @ imitated[: self.lens])
+        of_prior = explained[: self.lens] * (_PRIOR_PX / self.prior.sigma) ** 2
+        information = float(remaining @ remaining + of_prior @ explained[: self.lens])
         errors = self.errors(at).ravel()
         pull = of_prior @ (at.p[: self.lens] - self.prior.mean)
         value = -float(remaining @ errors - pull) / information

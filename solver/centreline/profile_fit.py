@@ -220,7 +220,7 @@ def _fit_column(
             return
         if step < 2 or abs(update) > REWEIGH_PX:
             # Weights from the model's gray values, not from the noisy ones, nor from those of a
-            # model elsewhere: it would call dark pixels bright, and their noise larger than it is.
+            # model at another place, where dark pixels are bright and have a larger noise.
             _expect(a, b, s, half, behind, expected, unknown)
             _weigh(gray, expected, unknown, behind, noise, full_scale, weight)
         elif abs(update) < TOLERANCE_PX:

@@ -167,7 +167,7 @@ def _moved_by(
     """Compute the displacement (8, k) of the fit's parameters by one sigma of each shared error.
 
     Least squares with gain G moves by G e where all points move by e: the covariance of an
-    estimator that does not know of the errors, which is larger than the best one's.
+    estimator that ignores the errors, which is larger than the best one's.
     """
     points, view = problem.arrays.points, problem.arrays.viewpoint
     rows = np.zeros((TILT + 2, problem.points))
