@@ -69,8 +69,14 @@ class OwnBeam(IntegratedBeam):
     def parameters(self) -> Parameters:
         """Those of the contact, of the width and of the bow, and then those of the `prior`.
 
-        Raises ValueError if the prior has a name that is taken, or is not a mean and a sigma.
+        Raises ValueError if the prior has a name that is taken, or is not a mean and a sigma, and
+        if `breaks` are no arc lengths over the beam's.
         """
+        if not (isinstance(self.breaks, tuple) and all(0 < s <= 1 for s in self.breaks)):
+            raise ValueError(
+                f"breaks is {self.breaks!r}, allowed is a tuple of arc lengths over the beam's, "
+                "above 0 and at most 1"
+            )
         shared = self.of_section()
         taken = with_clamp(shared)
         for name, prior in self.prior.items():

@@ -170,3 +170,13 @@ def test_what_makes_no_beam_is_a_sentence(random: np.random.Generator) -> None:
     frame = measured(bent(0.0, 0.6, 0.6), stated_shape(0.005, 0.0, 0.0, 0.0), random)
     with pytest.raises(TypeError, match="beam made a NoneType, allowed is a Beam"):
         exact_fit(frame, beam=lambda *_: None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("breaks", [(48.0,), (np.nan,), (-0.1, 0.2), 0.2])
+def test_breaks_that_are_no_arc_lengths_are_refused(breaks: object) -> None:
+    class Sleeve(OwnBeam):
+        pass
+
+    Sleeve.breaks = breaks  # type: ignore[assignment]
+    with pytest.raises(ValueError, match="allowed is a tuple of arc lengths over the beam's"):
+        _ = Sleeve(0, 0, 0.002).parameters
