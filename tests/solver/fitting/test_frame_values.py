@@ -50,3 +50,25 @@ def test_the_gradients_of_values_are_their_derivatives(mount: str) -> None:
         behind, _ = values(p - step[:-1], 0.3 - step[-1])
         slope = (ahead - behind) / 2e-6
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-5, abs=1e-7), i
+
+
+def test_the_gradients_by_ei_and_by_all_lengths_are_derivatives() -> None:
+    measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(5.0,))
+    rig = replace(measurement.rig, shape=CONE)
+    seen = replace(measurement, rig=rig)
+    problem = frame_problem_of(seen, problem_of(seen, with_tip=False))
+    p = problem.mean.copy()
+    for name, value in (("q", 0.8), ("s_c", 0.5), ("friction_ratio", 0.3), ("tilt", 0.01)):
+        p[problem.parameters[name]] = value  # the clamp is at the origin
+    _, jacobian = fitted_contact(rig, problem, p, 0.3)
+    step = 1e-6
+    for column, name in ((len(p) + 1, "flexural_rigidity"), (len(p) + 2, "length")):
+        ahead, behind = (
+            fitted_contact(
+                replace(rig, beam=replace(rig.beam, **{name: getattr(rig.beam, name) * factor})),
+                problem, p, 0.3,
+            )[0]
+            for factor in (1 + step, 1 - step)
+        )  # fmt: skip
+        slope = (ahead - behind) / (2 * step)
+        assert jacobian[:, column] == pytest.approx(slope, rel=1e-6, abs=1e-10)
