@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solver.antenna import Antenna
-from solver.at_rest.interlacing import rows_alternate
 from solver.at_rest.landmarks import with_prior
 from solver.centreline import Centreline
 from solver.core.once import copied
@@ -18,6 +17,7 @@ from solver.instrument.errors import InputError, described
 from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.image_frame import NO_READINGS, Carriage, Readings
 from solver.instrument.images import to_grey
+from solver.instrument.interlacing import rows_alternate
 from solver.instrument.measurement import Measurement
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.methods import Method

@@ -9,6 +9,4 @@
 - `landmarks` measure a shift of the image since (`tracker`);
 - `tip` is compared with the tip of a bent beam (`antenna`, `to_measurement`);
 - `noise` and the numbers of images that were left out are reported (`lab`).
-
-`interlacing` explains a frame that cannot be used.
 """

@@ -18,7 +18,7 @@ from solver.beams.curve import END
 from solver.fitting import frames
 from solver.fitting.frame_problem import FrameProblem
 from solver.fitting.frame_values import fitted_contact, input_variances
-from solver.fitting.push_geometry import Contacts, FirstTouch
+from solver.fitting.push_geometry import FirstTouch, ShapeContacts
 from solver.fitting.robust_fit import residuals_at
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
@@ -105,7 +105,7 @@ class PushBeam:
 
     def contacts(
         self, q: Floats, place: Floats, friction_ratio: Floats, beam: Floats
-    ) -> Contacts | None:
+    ) -> ShapeContacts | None:
         """Compute the contacts (n,) of shapes, relative to the clamp's tangent without load.
 
         The gradients (3 + b, n) are by q, place, friction ratio, and the parameters of beam and
@@ -124,7 +124,7 @@ class PushBeam:
         gradients = table[:, 1 + np.array([Q, S_C, FRICTION_RATIO, *self.fitted])]
         gradients[:, 0] *= length**2
         gradients[:, 1] /= length
-        return Contacts(table[:, 0], gradients)
+        return ShapeContacts(table[:, 0], gradients)
 
     def first_touch(self, x0: float, beam: Floats) -> FirstTouch:
         """Compute the line of the beam at first contact, with gradients (3, 1 + b) by x0 and beam.
@@ -163,8 +163,8 @@ class PushBeam:
         """Compute rows in sigmas: Jacobian by q, place, beam and clamp, friction ratio; residual.
 
         They have the sum of squares and the gradient of all points (QR), so that the size of a
-        joint problem depends only on the number of frames. Returns None if the
-        shape does not exist.
+        joint problem depends only on the number of frames. Returns None if the shape does not
+        exist.
         """
         problem, inflation = self.frames[frame]
         own, count = problem.own_errors, len(problem.mean)

@@ -31,8 +31,8 @@ import numpy as np
 from solver.instrument.arrays import Floats
 
 
-class Contacts(NamedTuple):
-    """Contacts of n shapes, `values` (6, n), with `gradients` (6, k, n) by k parameters.
+class ShapeContacts(NamedTuple):
+    """ShapeContacts of n shapes, `values` (6, n), with `gradients` (6, k, n) by k parameters.
 
     They are (force over EI, theta_c, x_c, y_c, s_c, lean), as in `beams.beam.BentBeam`, in SI.
     """
@@ -55,7 +55,7 @@ class FirstTouch(NamedTuple):
     gradients: Floats
 
 
-def about_axis(contacts: Contacts, offset: Floats) -> Contacts:
+def about_axis(contacts: ShapeContacts, offset: Floats) -> ShapeContacts:
     """Return contacts relative to the motor's axis, of a clamp at `offset` (2,) [m] from it.
 
     The last two gradients are by the offset.
@@ -64,7 +64,7 @@ def about_axis(contacts: Contacts, offset: Floats) -> Contacts:
     values[2:4] += offset[:, None]
     by_offset = np.zeros((len(values), 2, values.shape[1]))
     by_offset[2, 0] = by_offset[3, 1] = 1.0
-    return Contacts(values, np.concatenate([contacts.gradients, by_offset], axis=1))
+    return ShapeContacts(values, np.concatenate([contacts.gradients, by_offset], axis=1))
 
 
 def first_about_axis(first: FirstTouch, offset: Floats) -> FirstTouch:
@@ -96,7 +96,7 @@ class Touch(NamedTuple):
 
 
 def touch(
-    contacts: Contacts, first: FirstTouch, compliance: float, reach: float, rigidity: float
+    contacts: ShapeContacts, first: FirstTouch, compliance: float, reach: float, rigidity: float
 ) -> Touch | None:
     """Compute the pushes that make shapes with these contacts (n,), of a beam with EI `rigidity`.
 

@@ -137,7 +137,7 @@ class Push:
             return None
         beam, rigidity = parameters[self.base], self.rig.beam.flexural_rigidity
         first = first_about_axis(self.beam.first_touch(x0, beam), self.offset)
-        max_place = 0.999 * self.beam.farthest
+        max_place = self.beam.farthest
         places = np.full(count, x0) if near is None else near
         places = np.clip(places, 0.1 * x0, max_place)
         for _ in range(_MAX_STEPS):

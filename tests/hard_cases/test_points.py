@@ -28,7 +28,7 @@ PAIRED = {"two_point", "three_point", "moment_sensor", "stiffness"}
 ANSWERS: dict[tuple[str, str], Estimate] = {}
 
 
-def told(reference: str, name: str) -> Estimate:
+def answer(reference: str, name: str) -> Estimate:
     """A method's answer to one of the references, computed once."""
     if (reference, name) not in ANSWERS:
         ANSWERS[reference, name] = run_method(METHODS[name], REFERENCES[reference])
@@ -38,13 +38,13 @@ def told(reference: str, name: str) -> Estimate:
 def change(name: str, reference: str, other: Measurement) -> float:
     """The largest change of any value of a method's answer, in L, EI / L^2 and radians."""
     given_now = run_method(METHODS[name], other)
-    return largest_change(told(reference, name), given_now, BEAM, other.rig.beam)
+    return largest_change(answer(reference, name), given_now, BEAM, other.rig.beam)
 
 
 def test_every_method_answers_one_of_the_references() -> None:
     # Else nothing below would be tested.
     for name in METHODS:
-        assert any(told(reference, name).values for reference in REFERENCES), name
+        assert any(answer(reference, name).values for reference in REFERENCES), name
 
 
 @pytest.mark.parametrize("reference", REFERENCES)
@@ -67,7 +67,7 @@ def test_points_of_single_precision_do(name: str, reference: str) -> None:
     measurement = REFERENCES[reference]
     single = with_points(measurement, measurement.points.astype(np.float32))
     assert single.points.dtype == np.float64
-    # Psi is told badly: to it alone even so little matters.
+    # Psi is estimated badly: to it alone even so little matters.
     allowed = 1e-4 if name in {"three_point", "exact_fit_3d"} else PAIR
     assert change(name, reference, single) < allowed
 
@@ -85,7 +85,7 @@ def test_the_order_of_the_points_does_not_matter(
 @pytest.mark.parametrize("reference", REFERENCES)
 @pytest.mark.parametrize("name", NAMES)
 def test_points_told_twice_tell_the_same_place(name: str, reference: str) -> None:
-    measurement, once = REFERENCES[reference], told(reference, name)
+    measurement, once = REFERENCES[reference], answer(reference, name)
     twice = run_method(
         METHODS[name], with_points(measurement, np.repeat(measurement.points, 2, axis=0))
     )
@@ -109,7 +109,10 @@ def test_points_told_twice_tell_the_same_place(name: str, reference: str) -> Non
 )
 def test_units_do_not_matter(name: str, reference: str, length: float, rigidity: float) -> None:
     # A beam from 24 micrometres to 240 m.
-    once, measurement = told(reference, name), rescaled(REFERENCES[reference], length, rigidity)
+    once, measurement = (
+        answer(reference, name),
+        rescaled(REFERENCES[reference], length, rigidity),
+    )
     again = run_method(METHODS[name], measurement)
     beam = measurement.rig.beam
     assert largest_change(once, again, BEAM, beam) < (PAIR if name in PAIRED else 1e-8)
@@ -126,7 +129,10 @@ def test_units_do_not_matter(name: str, reference: str, length: float, rigidity:
 @pytest.mark.parametrize("reference", REFERENCES)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_mirror_turns_signs_and_nothing_else(name: str, reference: str) -> None:
-    once, seen = told(reference, name), run_method(METHODS[name], mirrored(REFERENCES[reference]))
+    once, seen = (
+        answer(reference, name),
+        run_method(METHODS[name], mirrored(REFERENCES[reference])),
+    )
     assert seen.outcome is once.outcome
     assert list(seen.values) == list(once.values)
     for quantity, value in once.values.items():
@@ -142,7 +148,7 @@ def test_a_mirror_turns_signs_and_nothing_else(name: str, reference: str) -> Non
 def test_where_the_clamp_stands_moves_the_contact_along(
     name: str, reference: str, random: np.random.Generator
 ) -> None:
-    once, by = told(reference, name), random.uniform(-1.0, 1.0, 3)
+    once, by = answer(reference, name), random.uniform(-1.0, 1.0, 3)
     there = run_method(METHODS[name], moved(REFERENCES[reference], by))
     along = dict(zip("xyz", by, strict=True))
     assert there.outcome is once.outcome
@@ -161,5 +167,5 @@ def test_where_the_clamp_stands_the_world_turns(name: str) -> None:
     # Assumption 4 of the paper: the motor's axis passes through the clamp, wherever that is.
     by = np.array([0.03, -0.02, 0.01])
     there = run_method(METHODS[name], moved(REFERENCES["flat"], by))
-    here = [told("flat", name).values[quantity] for quantity in WORLD_POINT]
+    here = [answer("flat", name).values[quantity] for quantity in WORLD_POINT]
     assert [there.values[quantity] for quantity in WORLD_POINT] == pytest.approx(here + by)

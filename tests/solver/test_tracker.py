@@ -302,9 +302,9 @@ def test_a_tracker_fits_the_outline_of_what_it_has_touched() -> None:
     names = ("contact_world_x_m", "contact_world_y_m", "force_x_n", "force_y_n")
     values = dict(zip(names, (*point, 0.0, 1.0), strict=True))
     covariance = np.diag([1e-5, 1e-5, 1e-3, 1e-3]) ** 2
-    told = Estimate(Outcome.CONTACT, values=values, covariance=covariance)
+    contact_estimate = Estimate(Outcome.CONTACT, values=values, covariance=covariance)
     lab = antenna([image(drawn(GUIDE, bent(0.0)), seed) for seed in (1, 2)])
-    tracker = PushTracker(lab, lambda _: told)
+    tracker = PushTracker(lab, lambda _: contact_estimate)
     touched = image(drawn(GUIDE, bent(0.1)), 3)
     with pytest.raises(InputError, match="no frame with the outcome 'contact' had a carriage"):
         tracker.outline()

@@ -36,10 +36,10 @@ def test_the_gradients_of_values_are_their_derivatives(mount: str) -> None:
 
     def values(p: Floats, motor_angle: float) -> tuple[Floats, Floats]:
         contact, by_p = fitted_contact(seen.rig, problem, p, motor_angle)
-        told, by_contact, _ = frames.in_all_frames(
+        named, by_contact, _ = frames.in_all_frames(
             seen, contact, psi_fitted=True, clamp_fitted=True
         )
-        return np.array(list(told.values())), by_contact @ by_p
+        return np.array(list(named.values())), by_contact @ by_p
 
     _, jacobian = values(p, 0.3)
     assert jacobian.shape == (19 if mount == "world" else 18, len(p) + 3)

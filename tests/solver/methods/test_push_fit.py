@@ -6,7 +6,7 @@ import pytest
 
 from solver.core.least_squares import fit_rows
 from solver.fitting.push_frames import bent_frames
-from solver.fitting.push_geometry import Contacts, FirstTouch, Touch, touch
+from solver.fitting.push_geometry import FirstTouch, ShapeContacts, Touch, touch
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, Push
 from solver.fitting.sliding import ratio_matrix
 from solver.fitting.uniform_estimate import shape_quantities, uniform_estimate
@@ -43,7 +43,7 @@ def touched(
     """The push of one shape, of an object at zero."""
     shape = np.array([[q], [lever], [friction_ratio]])
     at = frictional.contact(shape[0], shape[1], shape[2], BEAM.radius)
-    contact = Contacts(
+    contact = ShapeContacts(
         np.array([at.load, at.theta_c, at.x_c, at.y_c, at.s_c, at.lean]),
         np.array([at.d_load, at.d_theta_c, at.d_x_c, at.d_y_c, at.d_s_c, at.d_lean]),
     )
@@ -137,9 +137,9 @@ def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(mount: s
     at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0])
 
     def values(p: Floats) -> tuple[Floats, Floats]:
-        told, jacobian, _ = shape_quantities(seen, p, psi_fitted=True, clamp_fitted=True)
-        assert len(told) == (19 if mount == "world" else 18)
-        return np.array(list(told.values())), jacobian
+        named, jacobian, _ = shape_quantities(seen, p, psi_fitted=True, clamp_fitted=True)
+        assert len(named) == (19 if mount == "world" else 18)
+        return np.array(list(named.values())), jacobian
 
     _, jacobian = values(at)
     for i, step in enumerate(1e-6 * np.abs(at)):
@@ -575,7 +575,7 @@ def test_from_a_free_beam_on_a_push_begins_anew() -> None:
 
 
 def test_an_object_that_would_pull_the_beam_along_is_refused(random: np.random.Generator) -> None:
-    # The way back, told as if it were the way there.
+    # The way back, ordered as if it were the way there.
     whole, _ = measured_push(
         still(0.12, 0.0),
         random,

@@ -9,7 +9,7 @@ import pytest
 from solver.beams.integrated import IntegratedBeam
 from solver.fitting.push_beam import PushBeam
 from solver.fitting.push_frames import bent_frames
-from solver.fitting.push_geometry import Contacts
+from solver.fitting.push_geometry import ShapeContacts
 from solver.fitting.push_joint import Push
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape, stated_shape
@@ -151,7 +151,7 @@ def test_the_gradients_of_contacts_are_their_derivatives() -> None:
     beam, shapes = cone()
     base = beam.prior.mean
 
-    def at(p: Floats) -> Contacts:
+    def at(p: Floats) -> ShapeContacts:
         contacts = beam.contacts(p[:3], p[3:6], p[6:9], p[9:])
         assert contacts is not None
         return contacts

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from solver.antenna import Antenna
-from solver.at_rest.interlacing import rows_alternate
 from solver.instrument.arrays import Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import read_grey
+from solver.instrument.interlacing import rows_alternate
 from solver.instrument.observation import Observations
 from solver.tracker import INTERLACED, PushTracker
 
