@@ -95,7 +95,7 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
         rig.beam.radius,
         in_world,
         scale.full_scale,
-        flat=rig.known_psi is not None,
+        strip_psi=rig.known_psi,
     )
     at_rest = learn_rest_state(images, guide, learn, calibration, rig)
     uncertainty = calibration_uncertainty(calibration, rig)

@@ -18,7 +18,7 @@ from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile, tilt_response
-from solver.centreline.profile_fit import MARGIN, KnownGround
+from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.rest_columns import RestColumns, Shape, check_count, shape_of
 from solver.centreline.rest_detection import find_rest_line
 from solver.centreline.second_line import describe
@@ -26,6 +26,7 @@ from solver.centreline.section_on_ground import BeamOnGround, section_on_ground
 from solver.centreline.section_search import find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
+from solver.centreline.two_faces import Faces, Strip, fit_faces, learn_faces
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import turn_about_z
@@ -50,7 +51,7 @@ class Appearance:
     ground without structure. A profile that `is_sampled` is that of the images, not that of the
     section; one that is `in_part` was seen at some places between the pixels only. `second_line`
     describes a line beside the beam, "" if there is none, and `second_line_sigma_px` is that of the
-    error by which it moves all of the beam.
+    error by which it moves all of the beam. `faces` are those of a flat strip that shows two.
     """
 
     polarity: int
@@ -70,6 +71,19 @@ class Appearance:
     in_part: bool = False
     second_line: str = ""
     second_line_sigma_px: float = 0.0
+    faces: Faces | None = None
+
+    def fits(self, image: Grey, places: Stations, known: KnownGround | None = None) -> Fits:
+        """Fit the columns of an image (height, width), before a known ground if there is one."""
+        fits = fit_profiles(
+            image, places, self.profile, self.noise, self.half, self.full_scale, known
+        )
+        if self.faces is None:
+            return fits
+        start = np.where(np.isfinite(fits.sigma), fits.centre, places.start)
+        places = places._replace(start=start)
+        edges = fit_faces(image, places, self.faces, self.noise, self.half, self.full_scale)
+        return Fits(*edges.fits)
 
     @property
     def shading(self) -> float:
@@ -108,13 +122,15 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     noise = estimate_noise(images)
     mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
     full_scale = guide.full_scale or int(np.iinfo(images[0].dtype).max)
-    line = find_rest_line(mean, guide, FLAT_WIDTHS if guide.flat else WIDTHS)
+    line = find_rest_line(mean, guide, WIDTHS if guide.strip_psi is None else FLAT_WIDTHS)
     if line is None:
         raise InputError(
             "the rest images show no beam along the rig's x axis: if they show one elsewhere, the "
             "origin is wrong (base.position_mm, board.antenna_from_board_translation_mm)"
         )
-    stated = None if guide.flat else guide.radius_px
+    tilt = guide.strip_tilt
+    strip = None if tilt is None else Strip(2 * guide.radius_px, tilt)
+    stated = None if strip is not None else guide.radius_px
     guide = replace(guide, radius=line.width * guide.radius)
     on_beam = line.places[(line.places[:, 0] > 0) & (line.places[:, 0] < 0.98 * guide.length)]
     path, beam = guide.pixels(on_beam), _to_the_tip(line.places, guide)
@@ -147,7 +163,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
             path = _moved(path, places, places.sense * sampled.off_path)
             rest = replace(rest, places=stations(path, mean.shape))
             table = None if rest.in_part else sampled.table
-        look = _look(rest, table, stated)
+        look = _look(rest, table, stated, strip)
     x, y = guide.places(path).T
     slope = float(np.polyfit(x, y, 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
@@ -181,11 +197,13 @@ def _nominal(rest: RestColumns) -> Section:
     return Section(rest.radius, FIRST_REACH_PX / 3, 0.0, 0.0)
 
 
-def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> Appearance:
+def _look(
+    rest: RestColumns, sampled: Profile | None, radius: float | None, strip: Strip | None
+) -> Appearance:
     """Estimate the section that gives the smoothest centres and the smallest residuals.
 
     Where the section leaves more than noise, the `sampled` profile may take its place. `radius`
-    [px] is the rig's, None for a flat strip.
+    [px] is the rig's, None for a flat `strip`, of which two faces may be seen.
     """
     shapes = _described(rest)
     shape, others = (shapes[0], shapes[1:]) if shapes else (None, [])
@@ -195,6 +213,9 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
             shape = other
     if shape is None:
         raise InputError("the rest images show no beam of the rig's diameter")
+    seen = None if strip is None else learn_faces(rest, shape, strip)
+    if seen is not None:
+        shape, others = seen.shape, []
     fits, good = shape.fits, shape.good
     amplitude = np.mean([f.amplitude for f in fits], axis=0)[good]
     # What is not known of the section moves all centres at rest alike.
@@ -211,8 +232,9 @@ def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> A
     return replace(
         look,
         sigma_px=math.hypot(look.sigma_px, *unknown),
-        is_sampled=sampled is not None and shape.table is sampled,
+        is_sampled=seen is None and sampled is not None and shape.table is sampled,
         in_part=rest.in_part,
+        faces=None if seen is None else seen.faces,
     )
 
 

@@ -18,7 +18,7 @@ from solver.centreline.flags import Columns, fit_and_flag_outliers, flag_columns
 from solver.centreline.following import follow
 from solver.centreline.ground import Ground
 from solver.centreline.guide import Guide
-from solver.centreline.profile_fit import KnownGround, fit_profiles
+from solver.centreline.profile_fit import KnownGround
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.tip import TipEstimate, find_tip
@@ -126,9 +126,7 @@ class BeamExtractor:
         look = self.appearance
         at_rest = np.interp(places.length, look.length, look.amplitude)
         known = None if ground is None else KnownGround(ground, at_rest)
-        fits = fit_profiles(
-            image, places, look.profile, look.noise, look.half, look.full_scale, known
-        )
+        fits = look.fits(image, places, known)
         compared = flag_columns(fits, at_rest, look.misfit, look.sigma_px, look.in_part)
         return Columns(fits, *compared)
 

@@ -1,5 +1,6 @@
 """Conversion between places in the beam's plane and pixels of the image."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,8 +24,9 @@ class Guide:
 
     `length` [m] of the beam and `radius` [m] of its section. `free_tilt` is True where the motor
     may have turned the beam by any angle relative to the camera. `full_scale` is a saturated
-    pixel's gray value, None where it is the largest of the image's type. A beam that is
-    `flat` may look several times as wide as its radius states.
+    pixel's gray value, None where it is the largest of the image's type. `strip_psi` [rad] is the
+    inclination of a flat strip's thickness, None for a round beam; a strip may look several times
+    as wide as its radius states.
     """
 
     camera: Camera
@@ -33,7 +35,7 @@ class Guide:
     radius: float
     free_tilt: bool = False
     full_scale: int | None = None
-    flat: bool = False
+    strip_psi: float | None = None
 
     def pixels(self, places: Floats) -> Floats:
         """Project places (n, 2) [m] of the beam's frame in plane C to pixels (n, 2)."""
@@ -73,6 +75,14 @@ class Guide:
         """Size [m] of a pixel at the middle of the beam."""
         middle = np.array([[self.length / 2, 0.0, 0.0]])
         return float(1 / self.camera.pixels_per_metre(apply(self.antenna_from_beam, middle))[0])
+
+    @property
+    def strip_tilt(self) -> float | None:
+        """Angle [rad] of a strip's thickness to the image, at the middle of the beam."""
+        if self.strip_psi is None:
+            return None
+        _, y, z, _ = np.linalg.inv(self.antenna_from_beam) @ self.camera.viewpoint
+        return self.strip_psi + math.atan2(y, z)
 
     @property
     def radius_px(self) -> float:
