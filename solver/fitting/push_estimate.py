@@ -55,10 +55,10 @@ def push_estimate(at: PushAt, last: Measurement, fit: Fit, single: Estimate) -> 
         return single_frame(single, f"{count} frames do not determine the push")
     consistency, equations = at.consistency_chi2()
     if consistency > chdtri(equations, THRESHOLDS.false_rejection):
-        return failure(
+        return single_frame(
+            single,
             f"the {count} frames of the push do not fit one object at one place on a linear "
             f"spring: chi^2 of the push is {consistency:.3g} on {equations} degrees of freedom",
-            Assumption.RESTING_OBJECT,
         )
     if not fit.converged:
         return single_frame(single, f"the fit of {count} frames did not converge")
@@ -67,10 +67,10 @@ def push_estimate(at: PushAt, last: Measurement, fit: Fit, single: Estimate) -> 
     if excess_radius < -THRESHOLDS.impossible_sigmas * math.sqrt(
         fit.covariance[radius_index, radius_index]
     ):
-        return failure(
+        return single_frame(
+            single,
             "the contact's motion along the beam fits no object at rest"
             + ("" if push.friction else " without friction"),
-            Assumption.RESTING_OBJECT,
         )
     coefficient = fit.parameters[push.size] if push.friction else 0.0
     if (

@@ -17,10 +17,10 @@ sliding direction, on or back, follows from the motor's motion; where the contac
 instead, a frame has a friction ratio of its own.
 
 The method is causal: a frame is estimated from itself and those before it. A single frame does not
-determine the onset; its estimate is that of `exact_fit`. Frames that do not fit one object are an
-outcome: the object moved, slipped, or the contact is of another kind. Two cases are not observable
-in a push: an object that creeps along with the force looks like a softer one, and one that creeps
-towards the clamp like a rounder one.
+determine the onset; its estimate is that of `exact_fit`, and so is that of a push that does not fit
+one object: it moved, slipped, or is a wall, along which the contact runs. Two cases are not
+observable in a push: an object that creeps along with the force looks like a softer one, and one
+that creeps towards the clamp like a rounder one.
 
 The accuracy is limited by the encoder: a stiff object's compliance appears only in the difference
 between the motor's angle and the beam's, so that an encoder of 0.01 degrees leaves 0.09 % of the
