@@ -8,14 +8,16 @@ import time
 from collections.abc import Iterator, Sequence, Sized
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import cv2
 import typer
 from rich.console import Console
 
+from solver.antenna import Antenna
 from solver.centreline.extractors import find_extractor
 from solver.instrument.errors import InputError
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import FORMATS, png_bytes
 from solver.instrument.observation import frames_beside, open_rig_files, rig_file, tables_beside
 from solver.instrument.rig_json import read_rig
@@ -62,8 +64,9 @@ from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import check_no_input, prepare_output_path, write
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
-from solver.methods import LEARNING
+from solver.methods import LEARNING, Method
 from solver.methods.by_name import find_method, with_beam
+from solver.methods.exact_fit_learned import exact_fit_stated
 from solver.set_up import set_up
 
 app = typer.Typer(
@@ -128,8 +131,7 @@ def solve(
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
-            learned = learn_from_frames(antenna, frames_to_learn(observations.frames))
-            antenna = with_learned(antenna, learned)
+            antenna, function = _learned(antenna, function, observations.frames)
         warm_up(antenna, function, next(observations.read_rest_images()))
     contradictions = () if quiet else inputs.findings(antenna)
     show_findings(contradictions, inputs.rig)
@@ -189,6 +191,22 @@ def _check_command(word: str) -> None:
     close = difflib.get_close_matches(word, names, 1)
     if close and not Path(word).exists():
         raise InputError(f"'{word}' is neither a command nor a file; did you mean '{close[0]}'?")
+
+
+class _Learned(NamedTuple):
+    """An antenna with its beam, and the method that estimates with it."""
+
+    antenna: Antenna
+    method: Method
+
+
+def _learned(antenna: Antenna, method: Method, frames: Sequence[ImageFrame]) -> _Learned:
+    """Learn the beam from frames; the method says so where they show none."""
+    try:
+        beam = learn_from_frames(antenna, frames_to_learn(frames))
+    except InputError as error:
+        return _Learned(antenna, exact_fit_stated(str(error)))
+    return _Learned(with_learned(antenna, beam), method)
 
 
 @app.command()

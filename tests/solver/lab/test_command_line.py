@@ -538,8 +538,15 @@ def test_the_learned_method_learns_from_the_images_that_it_is_given(
 
     monkeypatch.setattr("solver.lab.command_line.learn_from_frames", keeps)
     learned = ["--method", "exact_fit_learned"]
-    assert "nothing is learned" in command.refused(*images, "--rig", root, *learned)
+    ended = command(*images, "--rig", root, "--quiet", "--out", "stated.csv", *learned)
+    assert ended.status == 0
     assert given == [images]
+    # Never worse than not learning: the estimates are those with the stated beam, and say so.
+    assert command(*images, "--rig", root, "--quiet", "--out", "exact.csv").status == 0
+    said = "with the stated beam, because none was learned: nothing is learned here"
+    for stated, exact in zip(table(Path("stated.csv")), table(Path("exact.csv")), strict=True):
+        assert stated["message"].startswith(said)
+        assert stated["x_c_mm"] == exact["x_c_mm"]
     monkeypatch.setattr("solver.lab.sources.open_capture", lambda _address: Plugged(images))
     assert "a camera or video has none" in command.refused("0", "--rig", root, *learned)
 

@@ -108,13 +108,13 @@ class _Worker:
     def load(self) -> Message:
         """Wait until the method is imported.
 
-        Return a message with the reason why it is `unusable` or its rig `refused`; else empty.
+        Return a message with the reason why it is `unusable`; else an empty one.
         """
         with _lost_after(MAX_START_S, self._process) as deadline:
             self._added = self._added_by_measuring(deadline)
             self._messages.receive(deadline, "importing")
         with _lost_after(self._first_limit_s, self._process) as deadline:
-            message = self._messages.receive(deadline, "imported", "unusable", "refused")
+            message = self._messages.receive(deadline, "imported", "unusable")
             if message["kind"] == "imported":
                 return {}
             if not is_text(message.get("reason"), 2 * MAX_TRACEBACK):

@@ -27,6 +27,7 @@ from solver.lab.table import Row
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.methods import LEARNING, METHODS, Method
 from solver.methods.by_name import find_method
+from solver.methods.exact_fit_learned import exact_fit_stated
 from solver.set_up import set_up
 from vbaa_bench.scoring.information_sets import check_information
 from vbaa_bench.scoring.isolation.connection import (
@@ -98,8 +99,8 @@ def work(
     method runs, `imported`, and `ready` after a warm-up; for each other frame `begin`, and `row`
     with its `index`, the `traceback` if the method raised an error, the `faults` of its estimate,
     the `information` set that the method declares, and the `peak_mb` of memory; `unusable` for a
-    method that cannot be found, `refused` where the beam cannot be learned; `start` and `stop`
-    around what the supervisor measures, to which it replies.
+    method that cannot be found; `start` and `stop` around what the supervisor measures, to which it
+    replies.
     """
     end_with_parent()
     if hasattr(os, "setsid"):
@@ -125,13 +126,12 @@ def work(
     except InputError as error:
         supervisor.send("unusable", reason=_reason(error))
         return
-    method = _MethodWrapper(function, task.memory_gb)
     if task.method in LEARNING:
         try:
             antenna = learned_antenna(task.observations, task.centreline)
         except InputError as error:
-            supervisor.send("refused", reason=_reason(error))
-            return
+            function = exact_fit_stated(_reason(error))
+    method = _MethodWrapper(function, task.memory_gb)
     supervisor.send("imported")
     if warm:
         warm_up(antenna, method, next(observations.read_rest_images()))
