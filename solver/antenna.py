@@ -100,12 +100,16 @@ class Antenna:
         """The middle (1, 3) [m] of the beam at rest."""
         return (np.array([self.rig.beam.length / 2, 0.0, 0.0]) + self.rig.base_position)[None]
 
+    @property
+    def rim(self) -> float:
+        """Height [m] of a cylinder's nearest rim above its axis, a mean over the beam's width."""
+        return self.rig.beam.radius * math.pi / 4
+
     def tip_in_beam_frame(self, pixel: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Locate a tip detected at `pixel` (2,), with `covariance` (2, 2) [px^2], on plane C.
 
         Return its point (2,) [m] and its covariance (2, 2) [m^2].
-        The visible part of a cylinder's end is the rim that is nearest to the camera: averaged over
-        the beam's width, it is pi/4 of the radius above the axis.
+        The visible part of a cylinder's end is the rim that is nearest to the camera.
         """
         camera = self.calibration.camera
         # Derivatives of the point by the pixel's u and v.
@@ -114,11 +118,10 @@ class Antenna:
             camera.viewpoint,
             correct_for_sag(points[:1], camera.viewpoint, self.rig)[0],
         )
-        lift = self.rig.beam.radius * math.pi / 4
         outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
         axes, clamp = self.antenna_from_beam[:2, :2], self.antenna_from_beam[:2, 3]
         jacobian = by_pixel @ axes
-        return (point - lift * outward - clamp) @ axes, jacobian.T @ covariance @ jacobian
+        return (point - self.rim * outward - clamp) @ axes, jacobian.T @ covariance @ jacobian
 
     @cached_property
     def tip_at_rest(self) -> Tip | None:
@@ -126,7 +129,7 @@ class Antenna:
         at_rest = self.at_rest
         if at_rest.tip is None or at_rest.tip_covariance is None or self.in_world:
             return None
-        return Tip(*self.tip_in_beam_frame(at_rest.tip, at_rest.tip_covariance))
+        return Tip(*self.tip_in_beam_frame(at_rest.tip, at_rest.tip_covariance), self.rim)
 
     @cached_property
     def tip_sigma(self) -> float | None:

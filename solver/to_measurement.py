@@ -153,7 +153,7 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
         if at_rest is not None:
             tip = tip - (at_rest.point[0] - antenna.rig.beam.length) * along
         covariance = covariance + antenna.rig.tolerances.tip**2 * np.outer(along, along)
-    return Tip(tip, covariance)
+    return Tip(tip, covariance, antenna.rim)
 
 
 def _bow_error(points: Floats, rest: RestLine) -> float:

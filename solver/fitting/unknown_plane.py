@@ -107,7 +107,7 @@ def _in_order(problem: Problem, fit: FrameFit) -> FrameFit:
 
 @dataclass(frozen=True)
 class SpatialProblem(FrameProblem):
-    """Points of a frame whose plane is unknown, with the tip (k, 6), k = 0 or 1, as in `Problem`.
+    """Points of a frame whose plane is unknown, with the tip (k, 7), k = 0 or 1, as in `Problem`.
 
     `moments` (m, 2) has one row if there is a moment sensor: the moment about y that one unit of
     the moment at the clamp would have, were it in that direction, and the reading, both over the
@@ -147,24 +147,29 @@ class SpatialProblem(FrameProblem):
         dx, dy, psi = at["dx"], at["dy"], at["psi"]
         (_, theta, x_c, y_c, s_c, _), by = bent.contacts[-1], bent.by_contacts[-1]
         # The tip is where it is at rest, wherever the beam begins to bend.
-        straight = 1 - float(self.mean[dx]) - s_c
         sine, cosine = math.sin(theta), math.cos(theta)
+        cos_psi, sin_psi = math.cos(p[psi]), math.sin(p[psi])
+        # The rim at which the beam seems to end is nearer to the clamp where the end climbs.
+        rim = float(tip[6])
+        straight = 1 - float(self.mean[dx]) - s_c - rim * sine * sin_psi
+        by_straight = np.zeros(len(p))
+        by_straight[:size] = -rim * cosine * sin_psi * by[1]
+        by_straight[S_C] -= 1.0
+        by_straight[psi] = -rim * sine * cos_psi
         # In the plane of deflection; the end of the beam is straight but for its bow.
         x, y = x_c + straight * cosine, y_c + straight * sine
-        by_x, by_y, by_turn = np.zeros(len(p)), np.zeros(len(p)), np.zeros(len(p))
-        by_x[:size] = by[2] - straight * sine * by[1]
-        by_y[:size] = by[3] + straight * cosine * by[1]
-        by_x[S_C] -= cosine
-        by_y[S_C] -= sine
+        by_x, by_y, by_turn = cosine * by_straight, sine * by_straight, np.zeros(len(p))
+        by_x[:size] += by[2] - straight * sine * by[1]
+        by_y[:size] += by[3] + straight * cosine * by[1]
         tilt, softness = at["tilt"], at["softness"]
         turn = p[tilt] + p[softness] * bent.moment
         by_turn[:size] = p[softness] * bent.by_moment
         by_turn[tilt], by_turn[softness] = 1.0, bent.moment
         # Inclined by psi, turned with the clamp, and projected along the ray to plane C.
-        cos_psi, sin_psi = math.cos(p[psi]), math.sin(p[psi])
         side, height = y * cos_psi, y * sin_psi
         by_side, by_height = by_y * cos_psi, by_y * sin_psi
-        by_side[psi], by_height[psi] = -height, side
+        by_side[psi] -= height
+        by_height[psi] += side
         c, s = math.cos(turn), math.sin(turn)
         point = np.array([c * x - s * side + p[dx], s * x + c * side + p[dy]])
         by_point = np.array(
@@ -179,8 +184,14 @@ class SpatialProblem(FrameProblem):
         below = 1 - view[2] * height
         fraction, by_fraction = height / below, by_height / below**2
         ray = view[:2] - view[2] * point
-        error = point - fraction * ray - tip[:2]
-        by_error = by_point * (1 + fraction * view[2]) - np.outer(ray, by_fraction)
+        place = point - fraction * ray
+        by_place = by_point * (1 + fraction * view[2]) - np.outer(ray, by_fraction)
+        # Nearer to the camera than plane C, the rim's height looks larger.
+        larger, outward = rim * view[2], view[2] * place - view[:2]
+        error = place + larger * fraction * outward - tip[:2]
+        by_error = by_place * (1 + larger * fraction * view[2]) + np.outer(
+            larger * outward, by_fraction
+        )
         whitener = tip[2:6].reshape(2, 2)
         return whitener @ error, (whitener @ by_error).T
 

@@ -19,11 +19,14 @@ UNKNOWN_VIEWPOINT = "only plane C was calibrated; the viewpoint needs more board
 class Tip:
     """Image of the beam's free end on plane C (2,) [m], and its covariance (2, 2) [m^2].
 
-    Raises ValueError unless the covariance is positive definite.
+    It is the place of the axis for an end in a plane parallel to C. What is seen is the end's rim,
+    `rim` [m] above the axis: an end that points towards the camera looks shorter by as much, times
+    the sine of its slope to C. Raises ValueError unless the covariance is positive definite.
     """
 
     point: Floats
     covariance: Floats
+    rim: float = 0.0
 
     def __post_init__(self) -> None:
         freeze(self, "point", (2,), "tip")

@@ -26,8 +26,9 @@ from solver.uniform.residuals import (
     Q,
 )
 
-# Columns of a tip: its image on C, the rows of the matrix that whitens its error.
-TIP_COLUMNS = 6
+# Columns of a tip: its image on C, the rows of the matrix that whitens its error, and its rim's
+# height above the axis.
+TIP_COLUMNS = 7
 
 
 @njit
@@ -69,18 +70,23 @@ def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Flo
     """Add the predicted less the measured image of the tip of a known length; return chi2."""
     theta, x_c, y_c, s_c = contact_at(p[Q], p[LEVER])
     sine, cosine = np.sin(theta[0]), np.cos(theta[0])
-    straight = 1 + p[STRETCH] - s_c[0]
+    cos_psi, sin_psi = np.cos(p[PSI]), np.sin(p[PSI])
+    # The rim at which the beam is seen to end is nearer to the clamp where the end climbs from C.
+    rim = tip[6]
+    straight = 1 + p[STRETCH] - s_c[0] - rim * sine * sin_psi
     x, y = x_c[0] + straight * cosine, y_c[0] + straight * sine
     by_x, by_y = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
     for j in range(2):
-        by_x[j] = x_c[1 + j] - s_c[1 + j] * cosine - straight * sine * theta[1 + j]
-        by_y[j] = y_c[1 + j] - s_c[1 + j] * sine + straight * cosine * theta[1 + j]
+        by_straight = -s_c[1 + j] - rim * cosine * sin_psi * theta[1 + j]
+        by_x[j] = x_c[1 + j] + by_straight * cosine - straight * sine * theta[1 + j]
+        by_y[j] = y_c[1 + j] + by_straight * sine + straight * cosine * theta[1 + j]
     by_x[STRETCH], by_y[STRETCH] = cosine, sine
+    by_x[PSI], by_y[PSI] = -rim * sine * cos_psi * cosine, -rim * sine * cos_psi * sine
     # Transform to the clamp's axes, then to plane C; the tip's height shifts its image.
-    cos_psi, sin_psi = np.cos(p[PSI]), np.sin(p[PSI])
     side, height = y * cos_psi, y * sin_psi
     by_side, by_height = by_y * cos_psi, by_y * sin_psi
-    by_side[PSI], by_height[PSI] = -height, side
+    by_side[PSI] -= height
+    by_height[PSI] += side
     c, s = np.cos(p[TILT]), np.sin(p[TILT])
     rotated_x, rotated_y = c * x - s * side, s * x + c * side
     base_x, base_y = p[DX] + rotated_x, p[DY] + rotated_y
@@ -91,9 +97,17 @@ def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Flo
     fraction = height / (1 - view[2] * height)
     by_fraction = by_height / (1 - view[2] * height) ** 2
     ray_x, ray_y = view[0] - view[2] * base_x, view[1] - view[2] * base_y
-    error_x, error_y = base_x - fraction * ray_x - tip[0], base_y - fraction * ray_y - tip[1]
-    by_error_x = by_base_x * (1 + fraction * view[2]) - by_fraction * ray_x
-    by_error_y = by_base_y * (1 + fraction * view[2]) - by_fraction * ray_y
+    place_x, place_y = base_x - fraction * ray_x, base_y - fraction * ray_y
+    by_place_x = by_base_x * (1 + fraction * view[2]) - by_fraction * ray_x
+    by_place_y = by_base_y * (1 + fraction * view[2]) - by_fraction * ray_y
+    # Nearer to the camera than plane C, the rim's height looks larger.
+    larger = rim * view[2]
+    outward_x, outward_y = view[2] * place_x - view[0], view[2] * place_y - view[1]
+    error_x = place_x + larger * fraction * outward_x - tip[0]
+    error_y = place_y + larger * fraction * outward_y - tip[1]
+    scale = 1 + larger * fraction * view[2]
+    by_error_x = by_place_x * scale + by_fraction * (larger * outward_x)
+    by_error_y = by_place_y * scale + by_fraction * (larger * outward_y)
     chi2 = 0.0
     for i in range(2):
         white_x, white_y = tip[2 + 2 * i], tip[3 + 2 * i]

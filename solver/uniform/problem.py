@@ -139,4 +139,4 @@ def base_whitening(covariance: Floats, length: float) -> Floats:
 
 def _tip_row(tip: Tip, length: float) -> Floats:
     whitener = whitening(tip.covariance / length**2)
-    return np.array([*(tip.point / length), *whitener.ravel()])
+    return np.array([*(tip.point / length), *whitener.ravel(), tip.rim / length])

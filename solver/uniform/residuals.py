@@ -47,7 +47,7 @@ LEAST_SIGMA: Final = 1e-9
 class FrameArrays(NamedTuple):
     """What the compiled fit knows of a frame, in units of the beam's length.
 
-    `points` (4, n) and `viewpoint` (3,) are those of `point_residuals`; `tips` (k, 6), where k is
+    `points` (4, n) and `viewpoint` (3,) are those of `point_residuals`; `tips` (k, 7), where k is
     0 or 1, `known` (5,) and `base_whitening` (3, 3) those of `constraints.add_constraints`.
     """
 

@@ -1,5 +1,6 @@
 """Tip and moment sensor of a beam of changing section in an inclined plane."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from solver.fitting.frame_problem import frame_problem_of
 from solver.fitting.robust_fit import residuals_at
 from solver.fitting.unknown_plane import spatial
+from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Tip
@@ -30,7 +32,7 @@ def test_the_gradients_of_the_residuals_are_their_derivatives(random: np.random.
     beam = bent(-0.2, 0.6, 1.2)
     taken = measured(beam, SHAPE, random)
     end = beam.centreline[-1, 1:3]
-    tip = Tip(end + 1e-5, np.diag([1e-5, 5e-4]) ** 2)
+    tip = Tip(end + 1e-5, np.diag([1e-5, 5e-4]) ** 2, rim=1e-3)
     sensors = replace(taken.rig.sensors, moment_y=1e-4)
     rig = replace(taken.rig, sensors=sensors)
     taken = replace(taken, view=replace(taken.view, tip=tip), rig=rig, moment_y=-2e-3)
@@ -52,6 +54,50 @@ def test_the_gradients_of_the_residuals_are_their_derivatives(random: np.random.
         assert before is not None
         slope = ((after[0] - before[0]) / 2e-6)[-3:]
         assert slope == pytest.approx(jacobian[i, -3:], rel=1e-5, abs=1e-3)
+
+
+def test_the_end_is_seen_at_its_rim(random: np.random.Generator) -> None:
+    rim, psi = 1e-3, 0.7
+    viewpoint = np.array([0.12, -0.1, 0.36, 1.0])
+    taken = measured(bent(-0.2, 0.6, 1.2), SHAPE, random)
+    view = replace(taken.view, tip=Tip(np.zeros(2), 1e-12 * np.eye(2)), viewpoint=viewpoint)
+    taken = replace(taken, view=view)
+    problem = problem_of(taken)
+    model = frame_problem_of(taken, problem)
+    p, at = model.mean.copy(), model.parameters
+    p[:2], p[at["psi"]] = (1.2, 0.6), psi
+    p[[at[name] for name in ("softness", "dx", "dy", "tilt")]] = 0.0
+    length = 1 - float(model.mean[at["dx"]])
+    shape = model.bent(p)
+    assert shape is not None
+    # The end in space, and the nearest place of its rim, square to the beam there.
+    _, theta, x_c, y_c, s_c, _ = shape.contacts[-1]
+    cosine, sine = math.cos(theta), math.sin(theta)
+    inclined = np.array([0.0, math.cos(psi), math.sin(psi)])
+    tangent = np.array([cosine, 0.0, 0.0]) + sine * inclined
+    end = np.array([x_c, 0.0, 0.0]) + y_c * inclined + (length - s_c) * tangent
+    up = np.array([0.0, 0.0, 1.0])
+    seen = _through(end * BEAM.length + rim * (up - up @ tangent * tangent), viewpoint)
+    # `Antenna.tip_in_beam_frame` removes what the rim's height moves it where it is parallel to C.
+    place = seen - rim * (seen - viewpoint[:2]) / viewpoint[2]
+    errors = []
+    for height in (rim, 0.0):
+        tip = Tip(place, 1e-12 * np.eye(2), rim=height)
+        arrays = problem_of(replace(taken, view=replace(view, tip=tip))).arrays
+        space = spatial(model, replace(problem, arrays=arrays))
+        space = replace(space, tips=arrays.tips)  # without the error of the length
+        rows = residuals_at(space, p)
+        assert rows is not None
+        errors.append(float(np.hypot(*rows[0][-2:])))
+    # In micrometres: the rim of this end is nearer to the clamp by its slope, to second order.
+    assert errors[1] == pytest.approx(1e6 * rim * sine * math.sin(psi), rel=0.1)
+    assert errors[0] < 0.03 * errors[1]
+
+
+def _through(point: Floats, viewpoint: Floats) -> Floats:
+    """Image (2,) on plane C of a point in space."""
+    ray = viewpoint[:3] - point
+    return np.asarray((point - point[2] / ray[2] * ray)[:2])
 
 
 def test_a_cone_in_a_plane_of_unknown_inclination(random: np.random.Generator) -> None:

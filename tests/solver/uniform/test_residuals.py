@@ -82,7 +82,7 @@ def test_a_residual_is_by_how_many_of_its_sigmas_a_point_is_off(p: Floats) -> No
 def test_the_constraints_gradient_is_that_of_their_chi2(p: Floats) -> None:
     known = np.array([0.02, 0.01, 0.3, 1e-3, 0.01])
     whitening = np.linalg.inv(np.linalg.cholesky(np.diag([1e-4, 2e-4, 3e-4]) + 5e-5))
-    tips = np.array([[0.9, 0.3, 900.0, 0.0, 200.0, 1100.0]])
+    tips = np.array([[0.9, 0.3, 900.0, 0.0, 200.0, 1100.0, 0.05]])
     frame = FrameArrays(np.zeros((4, 0)), PINHOLE, tips, known, whitening)
 
     def chi2(p: Floats) -> tuple[float, Floats]:
