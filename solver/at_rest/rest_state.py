@@ -37,7 +37,7 @@ class RestState:
     `rejected` holds the indices, among the distinct images, of those that disagree with the others.
     `tip` (2,) [px] is the image of the free end and `tip_covariance` (2, 2) [px^2] its covariance;
     None where it is not detected. Then `length_seen` [m] is the distance from the clamp to an end
-    elsewhere, None where there is none either.
+    elsewhere, None where there is none either. `sigma_px` is the median one of a point.
     """
 
     extract: Extractor
@@ -49,6 +49,7 @@ class RestState:
     copies: int
     rejected: tuple[int, ...]
     length_seen: float | None = None
+    sigma_px: float = 0.0
 
 
 def learn_rest_state(
@@ -75,6 +76,7 @@ def learn_rest_state(
         copies=used.copies,
         rejected=used.rejected,
         length_seen=_length_seen(used.extract, used.images[0]) if tip is None else None,
+        sigma_px=float(np.median(np.concatenate([line.sigma for line in used.lines]))),
     )
 
 

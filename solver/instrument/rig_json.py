@@ -2,10 +2,10 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,9 +15,19 @@ from solver.instrument.board import Board
 from solver.instrument.errors import InputError
 from solver.instrument.keys import Keys
 from solver.instrument.rig import ANY_LIGHT, ClampOffset, Gravity, Light, Rig, Sensors, Tolerances
-from solver.instrument.rig_keys import BOARDS, KEYS, PROJECTIONS, TIP_SIGMA_RADII, length_mm
+from solver.instrument.rig_keys import (
+    BOARDS,
+    KEYS,
+    PROJECTIONS,
+    TIP_SIGMA_RADII,
+    Key,
+    length_mm,
+)
 from solver.instrument.transforms import rigid, rotation_vector
 from solver.instrument.units import MILLIMETRE, unit_of
+
+# Name in messages of a document that was never a file.
+_WRITTEN: Final = Path("rig.json")
 
 
 def rig_to_json(rig: Rig) -> str:
@@ -76,7 +86,36 @@ def read_rig(path: Path) -> Rig:
 
     An unknown key is an error too: a misspelt one would silently be a tolerance left out.
     """
-    keys = Keys.read(path)
+    return _rig_of(Keys.read(path))
+
+
+def sigma_keys(rig: Rig) -> tuple[str, ...]:
+    """Return the keys of rig.json that state, or could state, an error of the rig.
+
+    Errors of readings are not among them.
+    """
+    document = json.loads(rig_to_json(rig))
+    keys = Keys(_WRITTEN, document)
+
+    def states_error(key: Key) -> bool:
+        section, name = key.name.split(".")
+        is_stated = name in document.get(section, {})
+        return "sigma" in name or ("covariance" in name and is_stated)
+
+    of_rig = (key for key in KEYS if not key.name.partition(".")[0].endswith("sensor"))
+    return tuple(key.name for key in of_rig if states_error(key) and key.case.holds(keys))
+
+
+def without_errors(rig: Rig, keys: Collection[str]) -> Rig:
+    """Return the rig with a file's `keys`, which are those of `sigma_keys`, at zero."""
+    document = defaultdict(dict, json.loads(rig_to_json(rig)))
+    for key in keys:
+        section, name = key.split(".")
+        document[section][name] = np.zeros_like(document[section].get(name, 0.0)).tolist()
+    return _rig_of(Keys(_WRITTEN, dict(document)))
+
+
+def _rig_of(keys: Keys) -> Rig:
     parts = _read_parts(keys)
     beam, offset = Beam(**parts["beam"]), parts["clamp_offset"]
     parts["tolerances"].setdefault("tip", TIP_SIGMA_RADII * beam.radius)
@@ -96,7 +135,7 @@ def read_rig(path: Path) -> Rig:
     )
     if rig.telecentric and rig.distortion_coefficients:
         raise InputError(
-            f"{path}: camera.distortion_coefficients is {rig.distortion_coefficients}, a "
+            f"{keys.path}: camera.distortion_coefficients is {rig.distortion_coefficients}, a "
             "telecentric camera has none"
         )
     if not rig.clamp_offset.none and keys.has("camera.mount"):

@@ -12,8 +12,8 @@ Estimates: `live` solves shots as they arrive; `table` has the columns and rows 
 `overlay` the pictures; `photos_table` and `photos_page` have the answers for photographs.
 
 Checks: `findings` and `file_findings` compare a rig with its images and files, and `check` reports
-on its calibration. `protocol` is a set with known loads, `protocol_score` compares it with its
-estimates, and `protocol_report` reports on both.
+on its calibration, with the `error_budget` of a usual push. `protocol` is a set with known loads,
+`protocol_score` compares it with its estimates, and `protocol_report` reports on both.
 
 Rigs: `target` draws a board to print, `saved_rig` keeps a calibrated rig, and `example` is one.
 """

@@ -10,6 +10,7 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.lab.error_budget import ErrorBudget, error_budget
 from solver.lab.findings import Finding, findings
 
 # Thresholds above (for MIN_WIDTH_PX: below) which the report contains a warning; chosen.
@@ -30,7 +31,8 @@ class CalibrationReport:
     rest from a line, 0 if no bow was detected. `roughness_px` is the part of a centre's error that
     is not due to sensor noise. `beam` to `roughness_px` are None for a centreline that does not
     learn the beam's appearance. `ground_images` is the number of images of the ground without the
-    beam, which are not used yet. `findings` are contradictions between images and rig.json.
+    beam, which are not used yet. `budget` is that of a usual push, None where it is not estimated.
+    `findings` are contradictions between images and rig.json.
     """
 
     reprojection_px: float
@@ -58,6 +60,7 @@ class CalibrationReport:
     spread_px: float | None
     roughness_px: float | None
     ground_images: int
+    budget: ErrorBudget | None
     findings: tuple[Finding, ...]
 
     @property
@@ -87,8 +90,11 @@ class CalibrationReport:
 
     def json(self) -> str:
         """Format as one line of JSON."""
-        findings_json = [finding._asdict() for finding in self.findings]
-        return json.dumps({**asdict(self), "findings": findings_json, "meaning": self.meaning})
+        values = asdict(self) | {"findings": [finding._asdict() for finding in self.findings]}
+        if self.budget is not None:
+            shares = [share._asdict() for share in self.budget.shares]
+            values["budget"] = self.budget._asdict() | {"shares": shares}
+        return json.dumps(values | {"meaning": self.meaning})
 
     def text(self) -> str:
         """Format as a few lines of text."""
@@ -134,9 +140,12 @@ class CalibrationReport:
             ),
             ("beam appearance", appearance),
             ("ground", f"{self.ground_images} images without the beam, not used yet"),
+            ("expected errors", "" if self.budget is None else self.budget.text),
             ("assessment", self.meaning),
         )
-        shown = (row for row in rows if row[0] != "ground" or self.ground_images)
+        absent = {"ground"} if not self.ground_images else set()
+        absent |= {"expected errors"} if self.budget is None else set()
+        shown = (row for row in rows if row[0] not in absent)
         indent = "\n" + 17 * " "
         aligned = ((name, value.replace("\n", indent)) for name, value in shown)
         return "\n".join(f"{name:16} {value}" for name, value in aligned)
@@ -189,6 +198,7 @@ def calibration_report(
         spread_px=None if look is None else look.section.spread,
         roughness_px=None if look is None else look.sigma_px,
         ground_images=ground_images,
+        budget=error_budget(antenna),
         findings=(*of_files, *findings(antenna, frames)),
     )
 

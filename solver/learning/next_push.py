@@ -138,10 +138,8 @@ def _image(
     problem: FrameProblem, place: float, deflection: float, correlation: float
 ) -> _Image | None:
     """Imagine the image of a push; None if the beam cannot be bent in this way."""
-    p = problem.mean.copy()
-    # The load by the linear theory of a uniform beam.
-    p[Q], p[S_C] = 6 * deflection / float(unit_deflection(1.0, place)), place
-    points = _points(problem, p)
+    p = imagined_push(problem, place, deflection)
+    points = points_of_push(problem, p)
     if points is None:
         return None
     count = points.shape[1]
@@ -163,7 +161,15 @@ def _image(
     return _Image(jacobian @ jacobian.T / correlation, gradient, load, by_load)
 
 
-def _points(problem: FrameProblem, p: Floats) -> Floats | None:
+def imagined_push(problem: FrameProblem, place: float, deflection: float) -> Floats:
+    """Return the parameters (p,) of a push at a place that deflects the tip, over the length."""
+    p = problem.mean.copy()
+    # The load by the linear theory of a uniform beam.
+    p[Q], p[S_C] = 6 * deflection / float(unit_deflection(1.0, place)), place
+    return p
+
+
+def points_of_push(problem: FrameProblem, p: Floats) -> Floats | None:
     """Place the points of `problem` (4, n) evenly on the shape with parameters p; None if none."""
     bent, at = problem.bent(p), problem.parameters
     if bent is None:
