@@ -131,7 +131,15 @@ def _check_bit_depth(rest_image: Path, frames: Sequence[ImageFrame]) -> None:
 
 
 def rig_file(path: Path) -> Path:
-    """Return the path of a rig.json, given itself or its folder."""
+    """Return the path of a rig.json, given itself or its folder.
+
+    Raises InputError for a rig that was saved.
+    """
+    if path.suffix == ".npz":
+        raise InputError(
+            f"{path}: is a saved rig, which solver.load_rig reads; allowed here is a rig.json or "
+            "its folder"
+        )
     return path / "rig.json" if path.is_dir() else path
 
 

@@ -52,6 +52,11 @@ def test_a_saved_rig_is_the_opened_one(
         assert one.message == other.message
 
 
+def test_a_saved_rig_in_place_of_a_folder_names_its_function(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"is a saved rig, which solver\.load_rig reads"):
+        solver.open_rig(tmp_path / "rig.npz")
+
+
 def test_what_is_no_saved_rig_is_a_sentence(opened: solver.CalibratedRig, tmp_path: Path) -> None:
     path = tmp_path / "rig.npz"
     with pytest.raises(InputError, match=r"none\.npz: is not a saved rig"):
