@@ -39,6 +39,8 @@ FORMATS: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
 STACKS: Final = (".gif", ".tif", ".tiff")
 # Channel read from a colour image: luma, one of its colours, or blue to yellow (CIELAB's b).
 CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
+# All colours at once, for what compares them.
+ALL_CHANNELS: Final = "all"
 _CHANNEL_INDEX: Final = {"b": 0, "g": 1, "r": 2}
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
@@ -54,16 +56,9 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
     return to_grey(_read(path), str(path), channel)
 
 
-def read_colour(path: Path) -> Grey:
-    """Read an image (height, width) or (height, width, 3) of 8 or 16 bits, as stored in the file.
-
-    The three channels are blue, green and red; transparency is ignored. Otherwise as `read_grey`.
-    """
-    image = _read(path)
-    colours = image.ndim == 3 and image.shape[2] in _TO_GREY
-    if not colours or image.dtype not in (np.uint8, np.uint16):
-        return to_grey(image, str(path))
-    return np.ascontiguousarray(image[:, :, :3])
+def read_channels(path: Path, channel: str) -> Grey:
+    """Read an image as `read_grey` does; with ALL_CHANNELS all three of a colour image."""
+    return to_channels(_read(path), str(path), channel)
 
 
 def _read(path: Path) -> Any:
@@ -137,6 +132,17 @@ def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
         lab = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2LAB)
         return np.ascontiguousarray(lab[:, :, 2])
     return np.asarray(cv2.cvtColor(image, _TO_GREY[channels]))
+
+
+def to_channels(image: Any, name: str, channel: str) -> Grey:
+    """Convert an image in OpenCV's format as `to_grey` does; with ALL_CHANNELS keep its colours.
+
+    A colour image is then (height, width, 3), in the order blue, green, red, without transparency.
+    """
+    colours = image.ndim == 3 and image.shape[2] in _TO_GREY
+    if channel != ALL_CHANNELS or not colours or image.dtype not in (np.uint8, np.uint16):
+        return to_grey(image, name, "gray" if channel == ALL_CHANNELS else channel)
+    return np.ascontiguousarray(image[:, :, :3])
 
 
 def eight_bit(image: Grey) -> npt.NDArray[np.uint8]:

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
+from solver.instrument.images import ALL_CHANNELS
 from solver.instrument.units import DEGREE
-from solver.trace.traced import ALL_CHANNELS
 
 KINDS: Final = ("weight", "push")
 # Stated errors of photos.json that does not state them, all chosen. Angle of the view against the

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from solver.instrument.images import ALL_CHANNELS
 from solver.instrument.keys import Keys
 from solver.instrument.rig import MAX_POSITION_MM, RIGIDITIES_N_MM2, SIZES_MM
 from solver.instrument.rig_json import read_beam_shape
@@ -22,7 +23,7 @@ from solver.photographs.photo_set import (
     PhotoSet,
     Stated,
 )
-from solver.trace.traced import ALL_CHANNELS, TRACE_CHANNELS
+from solver.tracing.traced import TRACE_CHANNELS
 
 FILE: Final = "photos.json"
 # Chosen: the joint fit of 200 photographs takes minutes.

@@ -54,6 +54,19 @@ ROUNDING: Final = 0.29
 STANDS_OUT, TEXTURE = 2.0, 0.95
 
 
+class Search(NamedTuple):
+    """What is known of a beam: it is within `reach` [px] of its marks, and `width` [px] if known.
+
+    A known width is that of about the same beam, in another image.
+    """
+
+    reach: float = NEAR_MARK
+    width: float | None = None
+
+
+UNKNOWN: Final = Search()
+
+
 class BeamPath(NamedTuple):
     """Path of a beam.
 
@@ -68,7 +81,7 @@ class BeamPath(NamedTuple):
     contrast: float
 
 
-def beam_paths(image: Image, clamp: Floats, tip: Floats) -> list[BeamPath]:
+def beam_paths(image: Image, clamp: Floats, tip: Floats, search: Search) -> list[BeamPath]:
     """Find paths of a beam from `clamp` to `tip` (2,) [px] in channels (height, width, c).
 
     The channels have equal noise. Paths differ in width by a factor of two or more, the strongest
@@ -78,7 +91,7 @@ def beam_paths(image: Image, clamp: Floats, tip: Floats) -> list[BeamPath]:
     length = float(np.linalg.norm(chord))
     along = chord / length
     across = np.array([-along[1], along[0]])
-    half = int(HALF_STRIP * length + 2 * NEAR_MARK)
+    half = int(HALF_STRIP * length + 2 * search.reach)
     corner = clamp - half * across
     strip_from_image = np.linalg.inv(
         np.vstack([np.column_stack([along, across, corner]), [0.0, 0.0, 1.0]])
@@ -91,11 +104,11 @@ def beam_paths(image: Image, clamp: Floats, tip: Floats) -> list[BeamPath]:
     for level, widths in enumerate(WIDTHS):
         pixel = 2**level
         for width in widths:
-            if width * pixel * SLENDER > length:
+            if width * pixel * SLENDER > length or not _alike(width * pixel, search.width):
                 continue
             # The centre of pixel i of a strip reduced by p is at (i + 1/2) p - 1/2.
-            first = int(np.ceil((half - NEAR_MARK + 0.5) / pixel - 0.5))
-            last = int(np.floor((half + NEAR_MARK + 0.5) / pixel - 0.5))
+            first = int(np.ceil((half - search.reach + 0.5) / pixel - 0.5))
+            last = int(np.floor((half + search.reach + 0.5) / pixel - 0.5))
             path = _path(strip, inside, width, first, last)
             place = (path.points + 0.5) * pixel - 0.5
             points = corner + place[:, :1] * along + place[:, 1:] * across
@@ -105,7 +118,7 @@ def beam_paths(image: Image, clamp: Floats, tip: Floats) -> list[BeamPath]:
     while candidates:
         paths.append(max(candidates, key=lambda path: path.contrast))
         # Similar widths follow the same edges.
-        candidates = [path for path in candidates if not _alike(path, paths[-1])]
+        candidates = [path for path in candidates if not _alike(path.width, paths[-1].width)]
     return [path for path in paths if path.contrast >= CONTRAST * paths[0].contrast]
 
 
@@ -124,8 +137,8 @@ def _halved(strip: Image) -> Image:
     return halved.reshape(*halved.shape[:2], -1)
 
 
-def _alike(path: BeamPath, other: BeamPath) -> bool:
-    return 1 / MAX_WIDTH_RATIO < path.width / other.width < MAX_WIDTH_RATIO
+def _alike(width: float, other: float | None) -> bool:
+    return other is None or 1 / MAX_WIDTH_RATIO < width / max(other, WIDTHS[0][0]) < MAX_WIDTH_RATIO
 
 
 def _path(strip: Image, inside: Image, width: float, first: int, last: int) -> BeamPath:

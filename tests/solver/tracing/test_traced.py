@@ -11,7 +11,8 @@ from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.trace.traced import TracedBeam, photograph, traced_beam
+from solver.tracing.beam_fit import TracedBeam
+from solver.tracing.traced import photograph, traced_beam
 from tests.draws import generator
 from tests.photographed import Look, Photograph, centreline, photograph_of
 
@@ -144,7 +145,7 @@ def test_a_table_without_a_beam_is_refused(random: np.random.Generator) -> None:
     look = Look(texture=15.0, edge_px=12.0)
     line = np.array([[900.0, 900.0], [901.0, 900.0]])  # outside
     photo = photograph_of(line, 5, SHAPE, look, random)
-    with pytest.raises(InputError, match=r"no beam is found from clamp_px \[70.0, 130.0\]"):
+    with pytest.raises(InputError, match=r"no beam is found between clamp_px \[70.0, 130.0\]"):
         traced_beam(photo.image, np.array([70.0, 130.0]), np.array([570.0, 230.0]))
 
 
@@ -197,5 +198,5 @@ def test_a_rolled_camera_traces_the_same_beam() -> None:
 @pytest.mark.parametrize("gray", [0, 128, 255])
 def test_an_image_without_any_structure_shows_no_beam(gray: int) -> None:
     image = np.full(SHAPE, gray, np.float32)
-    with pytest.raises(InputError, match="no beam is found from clamp_px"):
+    with pytest.raises(InputError, match="no beam is found between clamp_px"):
         traced_beam(image, np.array([70.0, 180.0]), np.array([560.0, 190.0]))
