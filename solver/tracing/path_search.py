@@ -7,7 +7,8 @@ contrast of its two edges: a single edge, such as a table's, has none. A contras
 the mean difference of the channels across an edge, so that what differs along it, such as texture,
 cancels. Segments are chained from the clamp to the tip by dynamic programming over their place and
 slope (as in Geman and Jedynak 1996), once for every width; each width is searched at a resolution
-that suits it.
+that suits it. The score of a segment is the logarithm of its measure over that of texture, and each
+end costs the square of its distance from the mark.
 """
 
 from typing import Any, Final, NamedTuple
@@ -36,7 +37,7 @@ HALF_STRIP: Final = 0.2
 SEGMENT: Final = 8
 MAX_RISE: Final = 6
 MOST_TURN: Final = 2
-# Cost of a change of slope by one step, over the largest measure of a segment. Chosen: at 0 the
+# Cost of a change of slope by one step, over the largest score of a segment. Chosen: at 0 the
 # path follows texture, at 0.2 it cuts bends of a beam of little contrast.
 TURN: Final = 0.04
 # Largest distance [px] of the path's ends from the marks. Chosen: more than two sigmas of a
@@ -152,10 +153,15 @@ def _path(strip: Image, inside: Image, width: float, first: int, last: int) -> B
         axis=1,
     )
     measure = _segments(np.ascontiguousarray(edges))
-    most = max(float(np.median(measure.max(axis=(1, 2)))), 1e-3)
-    nodes, slopes = _chain(np.clip(measure, 0, most), np.float32(TURN * most), first, last)
-    on_path = measure[np.arange(len(slopes)), slopes, nodes[:-1]]
     places = np.arange(0, measure.shape[2], max(int(width / 2), 1))
+    # A path that is clear all along is better than one that is stronger in a part.
+    typical = float(np.median(np.quantile(measure[..., places], TEXTURE, axis=(1, 2))))
+    score = np.log1p(np.maximum(measure, 0) / (max(typical, 0.0) + ROUNDING))
+    most = max(float(np.median(score.max(axis=(1, 2)))), 1e-3)
+    ends = (np.arange(measure.shape[2]) - (first + last) / 2) / max((last - first) / 2, 0.5)
+    cost = np.where(np.abs(ends) <= 1, most * ends**2, 1e30).astype(np.float32)
+    nodes, slopes = _chain(np.minimum(score, most), np.float32(TURN * most), cost)
+    on_path = measure[np.arange(len(slopes)), slopes, nodes[:-1]]
     elsewhere = np.abs(places - nodes[:-1, None]) > width
     texture = np.quantile(np.swapaxes(measure[..., places], 1, 2)[elsewhere], TEXTURE)
     level = max(float(texture), 0.0) + ROUNDING
@@ -224,14 +230,15 @@ def _segments(edges: Any) -> Any:
 
 
 @njit(fastmath=FAST)
-def _chain(measure: Any, turn: Any, first: int, last: int) -> Any:
+def _chain(measure: Any, turn: Any, ends: Any) -> Any:
     """Chain segments of `measure` (n, slopes, places); return places (n + 1,) and slopes (n,).
 
-    The chain begins and ends at the places from `first` to `last`.
+    The chain begins and ends at any place, each at a cost `ends` (places,).
     """
     count, slopes, places = measure.shape
     score = np.full((slopes, places), np.float32(-1e30))
-    score[:, first : last + 1] = 0
+    for n in range(places):
+        score[:, n] = -ends[n]
     before = np.empty((count, slopes, places), np.int8)
     total = np.empty_like(score)
     for segment in range(count):
@@ -251,11 +258,11 @@ def _chain(measure: Any, turn: Any, first: int, last: int) -> Any:
             for n in range(max(0, -slope), min(places, places - slope)):
                 best[m, n + slope] = total[m, n] + measure[segment, m, n]
         score = best
-    end, state, place = np.float32(-1e30), 0, first
+    end, state, place = np.float32(-1e30), 0, places // 2
     for m in range(slopes):
-        for n in range(first, last + 1):
-            if score[m, n] > end:
-                end, state, place = score[m, n], m, n
+        for n in range(places):
+            if score[m, n] - ends[n] > end:
+                end, state, place = score[m, n] - ends[n], m, n
     return _traced_back(before, state, place)
 
 

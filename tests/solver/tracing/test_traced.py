@@ -154,7 +154,7 @@ def test_a_table_without_a_beam_is_refused(random: np.random.Generator) -> None:
     [
         ([-3.0, 10.0], [500.0, 10.0], "clamp_px is .-3.0, 10.0., allowed is a place in the image"),
         ([5.0, 10.0], [500.0, np.nan], "tip_px is .500.0, nan., allowed is a place in the image"),
-        ([5.0, 10.0], [60.0, 10.0], "are 55 px apart, allowed are at least 80 px"),
+        ([5.0, 10.0], [40.0, 10.0], "are 35 px apart, allowed are at least 40 px"),
     ],
 )
 def test_marks_that_cannot_be_are_refused(
