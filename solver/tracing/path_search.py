@@ -104,13 +104,15 @@ def beam_paths(image: Image, clamp: Floats, tip: Floats, search: Search) -> list
     candidates = []
     for level, widths in enumerate(WIDTHS):
         pixel = 2**level
+        # With the place across the strip last, all places are computed at once.
+        columns, seen = (np.ascontiguousarray(part.transpose(1, 2, 0)) for part in (strip, inside))
         for width in widths:
             if width * pixel * SLENDER > length or not _alike(width * pixel, search.width):
                 continue
             # The centre of pixel i of a strip reduced by p is at (i + 1/2) p - 1/2.
             first = int(np.ceil((half - search.reach + 0.5) / pixel - 0.5))
             last = int(np.floor((half + search.reach + 0.5) / pixel - 0.5))
-            path = _path(strip, inside, width, first, last)
+            path = _path(columns, seen, width, first, last)
             place = (path.points + 0.5) * pixel - 0.5
             points = corner + place[:, :1] * along + place[:, 1:] * across
             candidates.append(path._replace(points=points, width=path.width * pixel))
@@ -142,17 +144,14 @@ def _alike(width: float, other: float | None) -> bool:
     return other is None or 1 / MAX_WIDTH_RATIO < width / max(other, WIDTHS[0][0]) < MAX_WIDTH_RATIO
 
 
-def _path(strip: Image, inside: Image, width: float, first: int, last: int) -> BeamPath:
-    """Find the best path in a strip (height, length, c), in the strip's pixels."""
-    # With the place across the strip last, all places are computed at once.
-    edges = np.stack(
-        [
-            np.moveaxis(_filtered(strip, kernel) * (inside > 0.999), 0, 2)
-            for kernel in _edge_kernels(width)
-        ],
-        axis=1,
-    )
-    measure = _segments(np.ascontiguousarray(edges))
+def _path(columns: Image, seen: Image, width: float, first: int, last: int) -> BeamPath:
+    """Find the best path in the columns (length, c, places) of a strip, in the strip's pixels."""
+    flat = columns.reshape(-1, columns.shape[2])
+    edges = np.empty((3, *columns.shape), np.float32)
+    for edge, kernel in zip(edges, _edge_kernels(width), strict=True):
+        filtered = cv2.filter2D(flat, cv2.CV_32F, kernel, borderType=cv2.BORDER_REPLICATE)
+        np.multiply(filtered.reshape(columns.shape), seen > 0.999, out=edge)
+    measure = _segments(edges)
     places = np.arange(0, measure.shape[2], max(int(width / 2), 1))
     # A path that is clear all along is better than one that is stronger in a part.
     typical = float(np.median(np.quantile(measure[..., places], TEXTURE, axis=(1, 2))))
@@ -170,13 +169,8 @@ def _path(strip: Image, inside: Image, width: float, first: int, last: int) -> B
     return BeamPath(points, width, support, float(np.median(on_path)))
 
 
-def _filtered(strip: Image, kernel: Image) -> Image:
-    filtered = cv2.filter2D(strip, cv2.CV_32F, kernel, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(filtered, np.float32).reshape(strip.shape)
-
-
 def _edge_kernels(width: float) -> tuple[Image, Image, Image]:
-    """Compute columns (n, 1) of weights: of the edges at -width / 2 and width / 2, and of a middle.
+    """Compute rows (1, n) of weights: of the edges at -width / 2 and width / 2, and of a middle.
 
     Those of the edges subtract what is outside from what is inside.
     """
@@ -186,46 +180,47 @@ def _edge_kernels(width: float) -> tuple[Image, Image, Image]:
 
     def step(at: float) -> Image:
         below, above = (np.diff(np.clip(borders, low, low + box)) for low in (at - box, at))
-        return np.asarray((above - below) / box, np.float32)[:, None]
+        return np.asarray((above - below) / box, np.float32)[None]
 
-    return step(-width / 2), step(-width / 2)[::-1], step(0.0)
+    return step(-width / 2), step(-width / 2)[:, ::-1], step(0.0)
 
 
 @njit(fastmath=FAST)
 def _segments(edges: Any) -> Any:
     """Compute the measure of all segments (count, slopes, places) by their place at the start.
 
-    `edges` (length, 3, c, places) are the differences across the left edge, the right edge and the
+    `edges` (3, length, c, places) are the differences across the left edge, the right edge and the
     middle. A contrast counts by what it exceeds a change in the middle that continues it: shading
     changes everywhere alike, and a wide blurred edge is a beam of a smaller width otherwise.
     """
-    length, _, channels, places = edges.shape
+    _, length, channels, places = edges.shape
     count, slopes = (length - 1) // SEGMENT, 2 * MAX_RISE + 1
     measure = np.zeros((count, slopes, places), np.float32)
-    means = np.empty((3, channels, places), np.float32)
+    sums = np.empty((3, channels, places), np.float32)
     for segment in range(count):
         for m in range(slopes):
             slope = m - MAX_RISE
             low, high = max(0, -slope), min(places, places - slope)
-            means[:] = 0
+            sums[:] = 0
             for q in range(SEGMENT):
                 shift = int(np.floor(slope * (q + 0.5) / SEGMENT + 0.5))
                 for edge in range(3):
                     for channel in range(channels):
-                        row = edges[segment * SEGMENT + q, edge, channel]
-                        mean = means[edge, channel]
+                        row = edges[edge, segment * SEGMENT + q, channel]
+                        total = sums[edge, channel]
                         for n in range(low, high):
-                            mean[n] += row[n + shift] / SEGMENT
+                            total[n] += row[n + shift]
             for n in range(low, high):
                 left = right = middle = np.float32(1e-12)
                 both = np.float32(0)
                 for channel in range(channels):
-                    left += means[0, channel, n] ** 2
-                    right += means[1, channel, n] ** 2
-                    middle += means[2, channel, n] ** 2
-                    both += means[0, channel, n] * means[1, channel, n]
+                    left += sums[0, channel, n] ** 2
+                    right += sums[1, channel, n] ** 2
+                    middle += sums[2, channel, n] ** 2
+                    both += sums[0, channel, n] * sums[1, channel, n]
                 opposed = max(-both, np.float32(0)) / np.sqrt(left * right)
-                measure[segment, m, n] = np.sqrt(min(left, right)) - opposed * np.sqrt(middle)
+                least = np.sqrt(min(left, right)) - opposed * np.sqrt(middle)
+                measure[segment, m, n] = least * np.float32(1 / SEGMENT)
     return measure
 
 
@@ -248,7 +243,7 @@ def _chain(measure: Any, turn: Any, ends: Any) -> Any:
             before[segment, m] = m
             for other in range(max(m - MOST_TURN, 0), min(m + MOST_TURN + 1, slopes)):
                 if other != m:
-                    cost = turn * abs(other - m)
+                    cost = np.float32(turn * abs(other - m))
                     for n in range(places):
                         value = score[other, n] - cost
                         if value > total[m, n]:
