@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from solver.methods import METHODS
     from solver.methods.exact_fit import exact_fit
     from solver.methods.push_fit import push_fit, push_fit_friction
+    from solver.tracing.beam_fit import TracedBeam
+    from solver.tracing.traced import trace
     from solver.tracker import PushTracker
 
 __all__ = [
@@ -41,12 +43,14 @@ __all__ = [
     "OwnBeam",
     "Prior",
     "PushTracker",
+    "TracedBeam",
     "exact_fit",
     "load_rig",
     "open_observations",
     "open_rig",
     "push_fit",
     "push_fit_friction",
+    "trace",
 ]
 
 # OpenCV compares an image's size with this before it allocates memory for its pixels, in all
@@ -67,12 +71,14 @@ _MODULE_OF = {
     "OwnBeam": "beams.own_beam",
     "Prior": "beams.beam",
     "PushTracker": "tracker",
+    "TracedBeam": "tracing.beam_fit",
     "open_observations": "instrument.observation",
     "open_rig": "api",
     "exact_fit": "methods.exact_fit",
     "load_rig": "api",
     "push_fit": "methods.push_fit",
     "push_fit_friction": "methods.push_fit",
+    "trace": "tracing.traced",
 }
 
 

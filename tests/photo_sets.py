@@ -14,7 +14,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW, BeamShape
 from solver.photographs.fit import Shown
 from solver.photographs.photo_set import Photograph, PhotoLoad, PhotoSet, Stated
-from solver.trace.traced import TracedBeam
+from solver.tracing.beam_fit import TracedBeam
 
 WIDTH, HEIGHT = 4000, 3000
 LENGTH, RIGIDITY = 0.4, 0.05

@@ -33,7 +33,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"tracker"},
         {"to_measurement", "set_up"},
         {"antenna", "first_start", "photographs"},
-        {"at_rest", "methods", "outline", "trace"},
+        {"at_rest", "methods", "outline", "tracing"},
         {"baselines", "calibrate", "centreline"},
         {"fitting"},
         {"uniform"},

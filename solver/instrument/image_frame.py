@@ -8,7 +8,7 @@ from typing import Final
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.images import read_grey
+from solver.instrument.images import read_channels
 from solver.instrument.units import DEGREE, MILLIMETRE
 
 # Name of the split from which a beam is learned.
@@ -90,8 +90,8 @@ class ImageFrame:
     """One image of the pushing beam: its path and the readings taken with it.
 
     Frames of one push share `push_id` and are ordered by `step`. `channel` is the channel read from
-    a colour image. `split` is the part of the set to which the frame belongs; the beam is learned
-    from the part "learn".
+    a colour image, or "all". `split` is the part of the set to which the frame belongs; the beam is
+    learned from the part "learn".
     """
 
     frame_id: str
@@ -103,8 +103,11 @@ class ImageFrame:
     split: str = ""
 
     def image(self) -> Grey:
-        """Read the gray image (height, width). Raises InputError."""
-        return read_grey(self.path, self.channel)
+        """Read the image (height, width), or (height, width, 3) of all channels.
+
+        Raises InputError.
+        """
+        return read_channels(self.path, self.channel)
 
 
 def push_order(frames: Sequence[ImageFrame]) -> list[int]:

@@ -39,6 +39,8 @@ FORMATS: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
 STACKS: Final = (".gif", ".tif", ".tiff")
 # Channel read from a colour image: luma, one of its colours, or blue to yellow (CIELAB's b).
 CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
+# All colours at once, for what compares them.
+ALL_CHANNELS: Final = "all"
 _CHANNEL_INDEX: Final = {"b": 0, "g": 1, "r": 2}
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
@@ -51,7 +53,17 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
     down cannot detect which way is up, and its tag may change from one image to the next.
     Raises InputError if the file is not an image, or not the one that was generated.
     """
-    image = decode_grey(read_bytes(path, MAX_BYTES), path, channel)
+    return to_grey(_read(path), str(path), channel)
+
+
+def read_channels(path: Path, channel: str) -> Grey:
+    """Read an image as `read_grey` does; with ALL_CHANNELS all three of a colour image."""
+    return to_channels(_read(path), str(path), channel)
+
+
+def _read(path: Path) -> Any:
+    """Read a file of one image in OpenCV's format. Raises InputError."""
+    image = _decode(read_bytes(path, MAX_BYTES), path)
     if path.suffix.lower() in STACKS and (pages := page_count(path)) > 1:
         raise InputError(
             f"{path}: holds {pages} images, allowed is one; solve such a film by itself, as a video"
@@ -78,6 +90,11 @@ def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
 
     Raises InputError if they are not an image.
     """
+    return to_grey(_decode(content, path), str(path), channel)
+
+
+def _decode(content: bytes, path: Path) -> Any:
+    """Decode the bytes of an image file to OpenCV's format. Raises InputError."""
     data = np.frombuffer(content, dtype=np.uint8)
     if content.startswith(_PNG_SIGNATURE):
         head = _png_head(content[:_PNG_HEAD], path)
@@ -91,7 +108,7 @@ def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
         image = None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
-    return to_grey(image, str(path), channel)
+    return image
 
 
 def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
@@ -115,6 +132,17 @@ def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
         lab = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2LAB)
         return np.ascontiguousarray(lab[:, :, 2])
     return np.asarray(cv2.cvtColor(image, _TO_GREY[channels]))
+
+
+def to_channels(image: Any, name: str, channel: str) -> Grey:
+    """Convert an image in OpenCV's format as `to_grey` does; with ALL_CHANNELS keep its colours.
+
+    A colour image is then (height, width, 3), in the order blue, green, red, without transparency.
+    """
+    colours = image.ndim == 3 and image.shape[2] in _TO_GREY
+    if channel != ALL_CHANNELS or not colours or image.dtype not in (np.uint8, np.uint16):
+        return to_grey(image, name, "gray" if channel == ALL_CHANNELS else channel)
+    return np.ascontiguousarray(image[:, :, :3])
 
 
 def eight_bit(image: Grey) -> npt.NDArray[np.uint8]:

@@ -1,9 +1,10 @@
 """Laboratory: the commands of `python -m solver`, from images to tables, pictures and reports.
 
-Commands: `command_line` has solve, demo, warm, board, snap and check; learn, rigidity, outline and
-photos are in `learn_command`, `rigidity_command`, `outline_command` and `photos_command`. `options`
-are those that several share, and the inputs that they open; `help` words them, `console` is the
-terminal, `writing` writes files, and `command_end` ends a command with a sentence and a status.
+Commands: `command_line` has solve, demo, warm, board, snap and check; learn, rigidity,
+outline, photos and trace are in `learn_command`, `rigidity_command`, `outline_command`,
+`photos_command` and `trace_command`. `options` are those that several share, and the inputs that
+they open; `help` words them, `console` is the terminal, `writing` writes files, and `command_end`
+ends a command with a sentence and a status.
 
 Images: `shots` is the interface of all sources and has that of files; `capture` has videos, films
 and cameras, `controls` the settings of a camera, and `sources` opens what a command line names.

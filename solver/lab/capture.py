@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import cv2
 
 from solver.instrument.errors import IncompleteError, InputError
-from solver.instrument.images import page_count, to_grey
+from solver.instrument.images import page_count, to_channels
 from solver.lab.shots import Shot
 
 # A video that ends this many frames, and this share of them, before its stated end is cut. Chosen:
@@ -56,7 +56,7 @@ class Video:
             if not ok:
                 break
             seconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-            grey = to_grey(image, self._name, self._channel)
+            grey = to_channels(image, self._name, self._channel)
             yield Shot(str(number), number, grey, time.perf_counter(), seconds=seconds)
             number += 1
         self._capture.release()
@@ -90,7 +90,7 @@ class Stack:
             grey, fault = None, f"{self._path}: image {number} cannot be decoded"
             if pages:
                 try:
-                    grey, fault = to_grey(pages[0], str(self._path), self._channel), ""
+                    grey, fault = to_channels(pages[0], str(self._path), self._channel), ""
                 except InputError as error:
                     fault = str(error)
             yield Shot(str(number), number, grey, time.perf_counter(), fault=fault)
@@ -134,7 +134,7 @@ class CameraStream:
                 yield Shot(
                     str(number),
                     number,
-                    to_grey(image, self._name, self._channel),
+                    to_channels(image, self._name, self._channel),
                     loaded_at,
                     seconds=seconds,
                     skipped=number - last_number - 1,

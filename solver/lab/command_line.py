@@ -5,7 +5,7 @@ import os
 import string
 import sys
 import time
-from collections.abc import Iterator, Sequence, Sized
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -18,7 +18,7 @@ from solver.antenna import Antenna
 from solver.centreline.extractors import find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
-from solver.instrument.images import FORMATS, png_bytes
+from solver.instrument.images import png_bytes
 from solver.instrument.observation import frames_beside, open_rig_files, rig_file, tables_beside
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
@@ -54,15 +54,15 @@ from solver.lab.options import (
     open_inputs,
 )
 from solver.lab.outline_command import outline
-from solver.lab.overlay import OverlayWriter, draw
+from solver.lab.overlay import OverlayWriter, check_overlay, draw
 from solver.lab.photos_command import photos
 from solver.lab.protocol_report import protocol_report
 from solver.lab.rigidity_command import rigidity
-from solver.lab.shots import Source
 from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
-from solver.lab.writing import check_no_input, prepare_output_path, write
+from solver.lab.trace_command import trace
+from solver.lab.writing import prepare_output_path, write
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.methods import LEARNING, Method
 from solver.methods.by_name import find_method, with_beam
@@ -127,7 +127,7 @@ def solve(
     if target:
         prepare_output_path(target, inputs.files)
     replaces = target is not None and target.exists()
-    _check_overlay(overlay, source, inputs.files)
+    check_overlay(overlay, source, inputs.files)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
@@ -170,19 +170,6 @@ def _show(rows: list[Row], method: str, where: str, accuracy: Sequence[str]) -> 
     count = f"{len(rows)} estimate{'' if len(rows) == 1 else 's'}"
     for line in (*reasons(rows), *accuracy, f"{count} in {where}"):
         print(line)
-
-
-def _check_overlay(overlay: Path | None, source: Source, read: Sequence[Path]) -> None:
-    """Raise InputError for an input, and for one image that is to hold the overlays of several."""
-    if overlay is None:
-        return
-    check_no_input(overlay, read)
-    count = len(source) if isinstance(source, Sized) else 0
-    if overlay.suffix.lower() in FORMATS and count != 1:
-        raise InputError(
-            f"{overlay}: is a single image, allowed for {count or 'a stream of'} images is a "
-            "folder, or a video such as overlay.mp4"
-        )
 
 
 def _check_command(word: str) -> None:
@@ -329,7 +316,7 @@ def _check_protocol(folder: Path, as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-for command in (rigidity, learn, outline, photos):
+for command in (rigidity, learn, outline, photos, trace):
     app.command()(command)
 for registered in app.registered_commands:
     registered.cls = Command

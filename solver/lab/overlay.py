@@ -1,6 +1,7 @@
 """Overlay of measurements and estimates on an image: points, tip, contact, force."""
 
 import math
+from collections.abc import Sequence, Sized
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, NamedTuple, Self
@@ -17,7 +18,10 @@ from solver.instrument.images import FORMATS, eight_bit
 from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
 from solver.lab.live import FrameResult
+from solver.lab.shots import Source
+from solver.lab.writing import check_no_input
 from solver.to_measurement import to_measurement
+from solver.tracing.beam_fit import Rejection, TracedBeam
 from solver.tracker import FrameSolution
 
 Picture = npt.NDArray[np.uint8]
@@ -29,6 +33,11 @@ REJECTED: Final = {
     Flag.HIDDEN: (255, 107, 47),
     Flag.SATURATED: (0, 74, 255),
     Flag.FOREIGN: (240, 28, 240),
+}
+REASONS: Final = {
+    Rejection.HIDDEN: REJECTED[Flag.HIDDEN],
+    Rejection.FAINT: REJECTED[Flag.SATURATED],
+    Rejection.OUTLIER: REJECTED[Flag.FOREIGN],
 }
 TIP: Final = (255, 245, 60)
 CONTACT: Final = (60, 60, 255)
@@ -127,9 +136,37 @@ def _arrow_px(antenna: Antenna, solved: FrameSolution, height: int) -> float:
     return height / 4 * force / (force + reference_force)
 
 
+def draw_traced(image: Grey, beam: TracedBeam | None, texts: Sequence[str]) -> Picture:
+    """Draw a traced beam and lines of text on its image; return a BGR picture (height, width, 3).
+
+    Points are yellow dots, and the edges beside them small ones. Rejected places are blue (hidden),
+    orange (faint) or purple (outlier).
+    """
+    factor = max(1, round(WIDTH / image.shape[1]))
+    picture = _enlarged(image, factor)
+    # Dots of a large photograph are as large as those of a small image that is enlarged.
+    size = max(1.0, image.shape[1] / WIDTH)
+    if beam is not None:
+        half = beam.normals * beam.widths[:, None] / 2
+        for points, part in (
+            (beam.points - half, 0.5),
+            (beam.points + half, 0.5),
+            (beam.points, 1),
+        ):
+            _dots(picture, points, factor, MEASURED, part * size)
+        for reason, colour in REASONS.items():
+            places = beam.rejected[[one is reason for one in beam.reasons]]
+            _dots(picture, places, factor, colour, size)
+    for number, text in enumerate(texts):
+        _write(picture, text, number)
+    return picture
+
+
 def _enlarged(image: Grey, factor: int) -> Picture:
     """Convert an image to BGR and enlarge it by the whole number `factor`."""
     large = eight_bit(image).repeat(factor, axis=0).repeat(factor, axis=1)
+    if large.ndim == 3:
+        return large
     return np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
@@ -147,8 +184,8 @@ def _mark(picture: Any, line: Centreline, factor: int) -> None:
         _dots(picture, line.rejected[line.flags == flag], factor, colour)
 
 
-def _dots(picture: Any, points: Floats, factor: int, colour: Colour) -> None:
-    radius = round(0.25 * factor * 2**_SHIFT)
+def _dots(picture: Any, points: Floats, factor: int, colour: Colour, size: float = 1.0) -> None:
+    radius = round(0.25 * size * factor * 2**_SHIFT)
     for point in points:
         cv2.circle(picture, _place(point, factor), radius, colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
@@ -184,6 +221,19 @@ def _write(picture: Any, text: str, number: int) -> None:
     shadow = origin[0] + 1, origin[1] + 1
     cv2.putText(picture, clipped, shadow, font, size, (0, 0, 0), 1, cv2.LINE_AA)
     cv2.putText(picture, clipped, origin, font, size, (255, 255, 255), 1, cv2.LINE_AA)
+
+
+def check_overlay(overlay: Path | None, source: Source, read: Sequence[Path]) -> None:
+    """Raise InputError for an input, and for one image that is to hold the overlays of several."""
+    if overlay is None:
+        return
+    check_no_input(overlay, read)
+    count = len(source) if isinstance(source, Sized) else 0
+    if overlay.suffix.lower() in FORMATS and count != 1:
+        raise InputError(
+            f"{overlay}: is a single image, allowed for {count or 'a stream of'} images is a "
+            "folder, or a video such as overlay.mp4"
+        )
 
 
 class OverlayWriter:

@@ -23,7 +23,7 @@ from solver.photographs.photo_set import PhotoSet
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
 from solver.photographs.problem import PhotoProblem
 from solver.photographs.starts import side_of, starts_of
-from solver.trace.traced import TracedBeam
+from solver.tracing.beam_fit import TracedBeam
 
 # Errors of the points, over the beam's length, of the first fits. Chosen: they are too coarse to
 # show the bow and the lens, which the angles of the views would follow.

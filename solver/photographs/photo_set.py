@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
+from solver.instrument.images import ALL_CHANNELS
 from solver.instrument.units import DEGREE
 
 KINDS: Final = ("weight", "push")
@@ -72,7 +73,7 @@ class PhotoSet:
     rigidity: Stated | None
     shape: BeamShape
     down: Stated = DOWN
-    channel: str = "gray"
+    channel: str = ALL_CHANNELS
     focal: Stated | None = None
     view_sigma: float = VIEW_SIGMA
     mark_sigma: float = MARK_SIGMA

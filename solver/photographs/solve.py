@@ -9,7 +9,7 @@ from solver.photographs.answer import PhotoAnswer, Value, photo_answer, shared_v
 from solver.photographs.fit import PhotosFit, Shown, fit_photos
 from solver.photographs.notes import contradicted_statement, notes_of
 from solver.photographs.photo_set import Photograph, PhotoSet
-from solver.trace.traced import photograph, traced_beam
+from solver.tracing.traced import photograph, traced_beam
 
 Progress = Callable[[Iterable[Photograph]], Iterable[Photograph]]
 

@@ -9,7 +9,7 @@ import pytest
 from solver.instrument.estimate import Outcome
 from solver.photographs.line import fitted_line
 from solver.photographs.solve import PhotosAnswer, answer_photos
-from solver.trace.traced import TracedBeam
+from solver.tracing.beam_fit import TracedBeam
 from tests.photo_sets import DrawnSet, Noise, SetSpec, drawn_set
 
 QUIET = SetSpec(noise=Noise(0.02, 0.05), marks=4, known_places=False, spread=0.5)

@@ -7,10 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.trace.traced import TracedBeam, photograph, traced_beam
+from solver.tracing.beam_fit import TracedBeam
+from solver.tracing.traced import photograph, traced_beam
 from tests.draws import generator
 from tests.photographed import Look, Photograph, centreline, photograph_of
 
@@ -68,6 +70,54 @@ def test_sigmas_hold_on_a_textured_table_with_grain(width_px: float, look: Look)
     assert np.sqrt(np.mean(np.square(pulls))) < 4
 
 
+def layers(colours: Floats, blur: float = 1.0) -> tuple[Floats, Floats, Floats]:
+    """An image (420, 640, c) of a bent beam 14 px wide, and its clamp and tip.
+
+    `colours` (3, 2, c) are those above, in and below the beam, at its clamp and at its tip.
+    """
+    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    middle = 150 + 60 * ((u - 60) / 520) ** 2
+    across = (v - middle) / np.hypot(1, 120 * (u - 60) / 520**2)
+    part = np.clip((u - 60) / 520, 0, 1)[..., None]
+    above, beam, below = (first + part * (last - first) for first, last in colours)
+    upper, lower = (ndtr((across + side) / blur)[..., None] for side in (7, -7))
+    image = above + upper * (beam - above) + lower * (below - beam)
+    noise = generator(__name__, 9).standard_normal(image.shape)
+    return image + 1.5 * noise, np.array([60.0, 150.0]), np.array([580.0, 210.0])
+
+
+@pytest.mark.parametrize(
+    "colours",
+    [
+        # Brighter than what is above and darker than what is below.
+        [[[60.0], [60.0]], [[110.0], [110.0]], [[170.0], [170.0]]],
+        # Darker, and then brighter, than what is above it; the place between has no upper edge.
+        [[[150.0], [60.0]], [[110.0], [110.0]], [[40.0], [40.0]]],
+        # As bright as the table, of another hue.
+        [[[120.0, 100, 80]] * 2, [[90.0, 100, 110]] * 2, [[120.0, 100, 80]] * 2],
+        # The upper edge is one of brightness, the lower one of hue.
+        [[[60.0, 60, 60]] * 2, [[90.0, 100, 110]] * 2, [[120.0, 100, 80]] * 2],
+    ],
+)
+def test_each_edge_has_a_contrast_of_its_own(colours: list[list[list[float]]]) -> None:
+    image, clamp, tip = layers(np.array(colours))
+    beam = traced_beam(image, clamp, tip)
+    u, v = beam.points.T
+    off = (v - 150 - 60 * ((u - 60) / 520) ** 2) * beam.normals[:, 1]
+    assert np.sqrt(np.mean(off**2)) < 0.1
+    assert np.mean(np.abs(off) < 3 * beam.sigmas) > 0.97
+    assert np.median(beam.widths) == pytest.approx(14, abs=0.2)
+    assert len(beam.points) > 60
+
+
+def test_a_colour_image_of_equal_channels_is_a_gray_image() -> None:
+    photo, _ = drawn(8, Look(), 6)
+    colour = np.repeat(photo.image[..., None], 3, axis=2)
+    other = traced_beam(colour, photo.line[0], photo.line[-1])
+    gray = traced_beam(photo.image, photo.line[0], photo.line[-1])
+    np.testing.assert_array_equal(other.points, gray.points)
+
+
 def test_the_middle_of_the_edges_counts_and_not_the_brightest_line() -> None:
     photo, beam = drawn(20, Look(highlight=50.0), 1)
     off = photo.off(beam.points, beam.normals)
@@ -95,7 +145,7 @@ def test_a_table_without_a_beam_is_refused(random: np.random.Generator) -> None:
     look = Look(texture=15.0, edge_px=12.0)
     line = np.array([[900.0, 900.0], [901.0, 900.0]])  # outside
     photo = photograph_of(line, 5, SHAPE, look, random)
-    with pytest.raises(InputError, match=r"no beam is found from clamp_px \[70.0, 130.0\]"):
+    with pytest.raises(InputError, match=r"no beam is found between clamp_px \[70.0, 130.0\]"):
         traced_beam(photo.image, np.array([70.0, 130.0]), np.array([570.0, 230.0]))
 
 
@@ -104,7 +154,7 @@ def test_a_table_without_a_beam_is_refused(random: np.random.Generator) -> None:
     [
         ([-3.0, 10.0], [500.0, 10.0], "clamp_px is .-3.0, 10.0., allowed is a place in the image"),
         ([5.0, 10.0], [500.0, np.nan], "tip_px is .500.0, nan., allowed is a place in the image"),
-        ([5.0, 10.0], [60.0, 10.0], "are 55 px apart, allowed are at least 80 px"),
+        ([5.0, 10.0], [40.0, 10.0], "are 35 px apart, allowed are at least 40 px"),
     ],
 )
 def test_marks_that_cannot_be_are_refused(
@@ -128,6 +178,7 @@ def test_pixels_of_a_photograph_are_used_as_stored(tmp_path: Path) -> None:
         assert image.shape == (48, 64)
         assert np.abs(image - gray).max() < 4
     assert (photograph(path, "lab_b") > 140).all()  # towards yellow
+    assert np.abs(photograph(path) - colour).max() < 4
 
 
 def test_a_rolled_camera_traces_the_same_beam() -> None:
@@ -147,5 +198,5 @@ def test_a_rolled_camera_traces_the_same_beam() -> None:
 @pytest.mark.parametrize("gray", [0, 128, 255])
 def test_an_image_without_any_structure_shows_no_beam(gray: int) -> None:
     image = np.full(SHAPE, gray, np.float32)
-    with pytest.raises(InputError, match="no beam is found from clamp_px"):
+    with pytest.raises(InputError, match="no beam is found between clamp_px"):
         traced_beam(image, np.array([70.0, 180.0]), np.array([560.0, 190.0]))
