@@ -98,6 +98,7 @@ def test_mistakes_are_named(folder: Path, capfd: pytest.CaptureFixture[str]) -> 
     command = CommandLine(main, capfd)
     cv2.imwrite(str(folder / "1.png"), np.zeros((50, 60), np.uint8))
     assert "allowed is the size of" in command.refused("photos", folder)
+    assert "a crop with principal_point_px" in command.refused("photos", folder)
     (folder / "1.png").unlink()
     assert "1.png" in command.refused("photos", folder)
     (folder / "photos.json").write_text("[]", encoding="utf-8")
