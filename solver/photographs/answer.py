@@ -116,8 +116,9 @@ def misfit_answer(fit: PhotosFit, photo: int) -> PhotoAnswer:
     own = fit.fits[photo]
     return PhotoAnswer(
         Outcome.INVALID,
-        f"The residuals are {own.misfit:.1f} times the stated errors, and {(~own.kept).sum()} of "
-        f"{len(own.kept)} points are rejected: no beam with a single load has this shape.",
+        f"The residuals are {own.misfit / own.scale:.1f} times the expected ones, and "
+        f"{(~own.kept).sum()} of {len(own.kept)} points are rejected: no beam with a single load "
+        "has this shape.",
         rejected=int((~own.kept).sum()),
     )
 

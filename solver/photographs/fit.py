@@ -35,9 +35,12 @@ _REWEIGHTINGS: Final = 4
 # Least scale of residuals that are smaller than stated. Chosen: sigmas that contain a correlation
 # are up to ten times the scatter.
 _LEAST_SCALE: Final = 0.1
-# Misfit of a photograph that fits. Chosen: a wooden beam is not quite uniform; its sigmas are
-# widened by the misfit.
+# Misfit of a photograph that fits, over the scale of all. Chosen: a wooden beam is not quite
+# uniform; its sigmas are widened by the misfit.
 MAX_MISFIT: Final = 5.0
+# Least scale of the stated sigmas. Chosen: the fit follows errors that change slowly along the
+# beam, and its residuals do not show them.
+_LEAST_STATED: Final = 0.5
 # Sigma of the width at the tip over that at the clamp, and of a width [px]. Chosen: a round stick
 # is as uniform, and blur as well as light from one side widen a beam by less.
 _WIDTH_SIGMA, _WIDTH_SIGMA_PX = 0.05, 0.5
@@ -55,22 +58,27 @@ class PhotoFit:
     """How one photograph fits: points that were `kept` (n,), and their misfit.
 
     The misfit is the rms, in sigmas, of means of residuals over their correlation length; of these
-    there are `independent`.
+    there are `independent`. `scale` is that of the stated sigmas, by the median misfit of all
+    photographs; it is at most 1.
     """
 
     kept: Mask
     misfit: float
     independent: float
+    scale: float = 1.0
 
     @property
     def inflation(self) -> float:
         """Factor of the variances of the points."""
-        return max(self.misfit**2, 1.0)
+        return max(self.misfit, self.scale) ** 2
 
     @property
     def fits(self) -> bool:
         """Whether a beam with a single load has the shape of the points."""
-        return self.misfit <= MAX_MISFIT and (~self.kept).mean() <= THRESHOLDS.max_rejected
+        return (
+            self.misfit <= MAX_MISFIT * self.scale
+            and (~self.kept).mean() <= THRESHOLDS.max_rejected
+        )
 
 
 @dataclass(frozen=True)
@@ -165,6 +173,8 @@ def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | Unfitted
         fitted = replace(problem, weights=weights).minimised(fitted.at.p) or fitted
         weights = _reweighted(problem, fitted.at).weights
     fits = tuple(map(_photo_fit, problems, fitted.at.rows, weights))
+    scale = float(np.clip(np.median([one.misfit for one in fits]), _LEAST_STATED, 1))
+    fits = tuple(replace(one, scale=scale) for one in fits)
     final = replace(problem, weights=tuple(one.kept / one.inflation for one in fits))
     last = final.minimised(fitted.at.p)
     # A bound stops an estimate, but not its error.
@@ -191,7 +201,11 @@ def load_gain(fit: PhotosFit, photo: int) -> float:
     )
     without = replace(problem, photos=photos, free=np.setdiff1d(problem.free, of_load))
     least = without.minimised(start)
-    return math.inf if least is None else least.at.objective - fit.at.objective
+    if least is not None and least.status == CONVERGED:
+        return float(least.at.objective - fit.at.objective)
+    # What the linear model expects.
+    load = of_load[0]
+    return float(fit.at.p[load] ** 2 / fit.covariance[load, load])
 
 
 def _unfitted(problem: PhotosProblem, p: Floats) -> Unfitted:
