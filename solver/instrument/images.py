@@ -51,7 +51,24 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
     down cannot detect which way is up, and its tag may change from one image to the next.
     Raises InputError if the file is not an image, or not the one that was generated.
     """
-    image = decode_grey(read_bytes(path, MAX_BYTES), path, channel)
+    return to_grey(_read(path), str(path), channel)
+
+
+def read_colour(path: Path) -> Grey:
+    """Read an image (height, width) or (height, width, 3) of 8 or 16 bits, as stored in the file.
+
+    The three channels are blue, green and red; transparency is ignored. Otherwise as `read_grey`.
+    """
+    image = _read(path)
+    colours = image.ndim == 3 and image.shape[2] in _TO_GREY
+    if not colours or image.dtype not in (np.uint8, np.uint16):
+        return to_grey(image, str(path))
+    return np.ascontiguousarray(image[:, :, :3])
+
+
+def _read(path: Path) -> Any:
+    """Read a file of one image in OpenCV's format. Raises InputError."""
+    image = _decode(read_bytes(path, MAX_BYTES), path)
     if path.suffix.lower() in STACKS and (pages := page_count(path)) > 1:
         raise InputError(
             f"{path}: holds {pages} images, allowed is one; solve such a film by itself, as a video"
@@ -78,6 +95,11 @@ def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
 
     Raises InputError if they are not an image.
     """
+    return to_grey(_decode(content, path), str(path), channel)
+
+
+def _decode(content: bytes, path: Path) -> Any:
+    """Decode the bytes of an image file to OpenCV's format. Raises InputError."""
     data = np.frombuffer(content, dtype=np.uint8)
     if content.startswith(_PNG_SIGNATURE):
         head = _png_head(content[:_PNG_HEAD], path)
@@ -91,7 +113,7 @@ def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
         image = None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
-    return to_grey(image, str(path), channel)
+    return image
 
 
 def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:

@@ -10,6 +10,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.units import DEGREE
+from solver.trace.traced import ALL_CHANNELS
 
 KINDS: Final = ("weight", "push")
 # Stated errors of photos.json that does not state them, all chosen. Angle of the view against the
@@ -84,7 +85,7 @@ class PhotoSet:
     rigidity: Stated | None
     shape: BeamShape
     down: Stated = DOWN
-    channel: str = "gray"
+    channel: str = ALL_CHANNELS
     focal: Stated | None = None
     k1: Stated = LENS
     view_sigma: float = VIEW_SIGMA

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.images import CHANNELS
 from solver.instrument.keys import Keys
 from solver.instrument.rig import MAX_POSITION_MM, RIGIDITIES_N_MM2, SIZES_MM
 from solver.instrument.rig_json import read_beam_shape
@@ -24,6 +23,7 @@ from solver.photographs.photo_set import (
     PhotoSet,
     Stated,
 )
+from solver.trace.traced import ALL_CHANNELS, TRACE_CHANNELS
 
 FILE: Final = "photos.json"
 # Chosen: the joint fit of 200 photographs takes minutes.
@@ -63,7 +63,7 @@ def read_photos(folder: Path) -> PhotoSet:
         rigidity=_rigidity(key),
         shape=read_beam_shape(key),
         down=_down(key, hung),
-        channel=key.one_of("channel", *CHANNELS) if key.has("channel") else "gray",
+        channel=key.one_of("channel", *TRACE_CHANNELS) if key.has("channel") else ALL_CHANNELS,
         focal=_stated(key, "camera.focal_length", "px", *_FOCAL_PX)
         if key.has("camera.focal_length_px")
         else None,

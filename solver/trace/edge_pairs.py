@@ -1,10 +1,11 @@
 """Sub-pixel positions of both edges of a beam in profiles across it.
 
-A profile is left L before the edge at a, right R behind the edge at b, and I + G x between them,
-where x goes from -1 at a to 1 at b: two steps blurred by one error function. Only pixels near an
-edge count, so that a highlight or grain in the middle does not; outlying pixels lose their weight
-(Cauchy). The width has a prior, which a beam of a pixel or two needs: blur, width and contrast are
-then not separable, and the middle of the edges does not depend on which of them is assumed.
+In each channel a profile is left L before the edge at a, right R behind the edge at b, and I + G x
+between them, where x goes from -1 at a to 1 at b: two steps, of any sign and size, blurred by one
+error function. Only pixels near an edge count, so that a highlight or grain in the middle does not;
+outlying pixels lose their weight (Cauchy), and a channel counts by the scatter of its residuals.
+The width has a prior, which a beam of a pixel or two needs: blur, width and contrast are then not
+separable, and the middle of the edges does not depend on which of them is assumed.
 """
 
 from typing import Final, NamedTuple
@@ -27,15 +28,17 @@ UNMODELLED: Final = 0.03
 # Slope of the brightness between the edges, over the contrast: sigma of its prior. Chosen: in a
 # beam of few pixels a slope and a shift are one.
 MAX_SLOPE: Final = 0.1
+# Least scatter of the residuals [gray]. Derived: that of rounding.
+MIN_SCATTER: Final = 0.3
 ITERATIONS: Final = 12
-_PARAMETERS: Final = 6
 
 
 class EdgePairs(NamedTuple):
-    """Edges of n profiles: `left` and `right` [px], `contrast` (n, 2) [gray] of both.
+    """Edges of n profiles: `left` and `right` [px], `contrast` (n, 2) [gray] of each.
 
-    `misfit` (n,) [gray] is the mean size of the residuals, `residual` (n, m) those near the edges
-    in units of their scatter, at most 3 in size, `centre_sigma` (n,) [px] the standard error of the
+    A contrast is the length of the difference of all channels. `misfit` (n,) [gray] is the mean
+    size of the residuals, `residual` (n, c m) those near the edges, one channel after the other, in
+    units of their scatter, at most 3 in size, `centre_sigma` (n,) [px] the standard error of the
     middle for independent samples.
     """
 
@@ -60,72 +63,84 @@ class EdgePairs(NamedTuple):
 def edge_pairs(
     profiles: Floats, across: Floats, left: Floats, right: Floats, width_sigma: float, blur: float
 ) -> EdgePairs:
-    """Fit both edges in profiles (n, m), sampled at `across` (m,) [px].
+    """Fit both edges in profiles (c, n, m) of c channels, sampled at `across` (m,) [px].
 
     `left` and `right` (n,) are first values; their distance is the prior of the width, with
     `width_sigma` [px]. `blur` [px] is the standard deviation of the blur.
     """
     a, b = left.copy(), right.copy()
     prior = b - a
-    information = np.zeros((len(a), _PARAMETERS, _PARAMETERS))
-    levels = np.zeros((len(a), 4))
-    scatter = np.full(len(a), np.inf)
-    contrast = np.ones(len(a))
+    stiffness = np.array([[1.0, -1.0], [-1.0, 1.0]]) / width_sigma**2
+    information = np.zeros((len(a), 2, 2))
+    levels = np.zeros((*profiles.shape[:2], 4))
+    scatter = np.ones(profiles.shape[:2])
     limit = np.maximum(prior / 4, blur)
     for iteration in range(ITERATIONS):
-        jacobian, basis = _model(across, a, b, levels, blur)
-        residual = profiles - np.einsum("nmk,nk->nm", basis, levels)
+        by_edges, basis = _model(across, a, b, levels, blur)
+        residual = profiles - np.einsum("nmk,cnk->cnm", basis, levels)
         window = _window(across, a, b, blur)
-        weight = window.copy()
+        size = np.abs(_steps(levels)).max(axis=2)
+        weight = np.broadcast_to(window, residual.shape)
         if iteration > 2:  # the first iterations find the levels
             scatter = _scatter(residual, window)
-            width = CAUCHY * np.hypot(scatter, UNMODELLED * contrast)
-            weight /= 1 + (residual / width[:, None]) ** 2
-        normal = np.einsum("nmi,nm,nmj->nij", jacobian, weight, jacobian)
-        vector = np.einsum("nmi,nm,nm->ni", jacobian, weight, residual)
-        noise = np.where(np.isfinite(scatter), scatter, 1.0) ** 2
-        stiff = noise / width_sigma**2
-        for i, j in ((0, 0), (1, 1), (0, 1), (1, 0)):
-            normal[:, i, j] += stiff if i == j else -stiff
-        vector[:, 0] -= stiff * (prior - (b - a))
-        vector[:, 1] += stiff * (prior - (b - a))
-        contrast = np.abs(levels[:, 2] - (levels[:, 0] + levels[:, 1]) / 2)
-        flat = noise / (MAX_SLOPE * np.maximum(contrast, 1.0)) ** 2
-        normal[:, 5, 5] += flat
-        vector[:, 5] -= flat * levels[:, 3]
-        normal += 1e-6 * np.eye(_PARAMETERS)
-        information = normal / noise[:, None, None]
-        step = np.linalg.solve(normal, vector[..., None])[..., 0]
-        levels += step[:, 2:]
+            cut = CAUCHY * np.hypot(scatter, UNMODELLED * size)
+            weight = window / (1 + (residual / cut[..., None]) ** 2)
+        weight = weight / scatter[..., None] ** 2
+        # The levels of each channel are eliminated from the normal equations.
+        edges, bases = (np.swapaxes(part, -1, -2) for part in (by_edges, basis))
+        inner = (bases * weight[..., None, :]) @ basis
+        flat = 1 / (MAX_SLOPE * np.maximum(np.linalg.norm(size, axis=0), 1.0)) ** 2
+        inner[..., 3, 3] += flat
+        inner += 1e-6 * np.eye(4)
+        mixed = (edges * weight[..., None, :]) @ basis
+        weighted = (weight * residual)[..., None]
+        by_levels = bases @ weighted
+        by_levels[..., 3, 0] -= flat * levels[..., 3]
+        solved = np.linalg.solve(inner, np.concatenate([np.swapaxes(mixed, -1, -2), by_levels], -1))
+        information = (
+            stiffness
+            + 1e-6 * np.eye(2)
+            + np.sum((edges * weight[..., None, :]) @ by_edges - mixed @ solved[..., :2], axis=0)
+        )
+        pull = (prior - (b - a))[:, None] * [-1.0, 1.0] / width_sigma**2
+        vector = pull + np.sum(edges @ weighted - mixed @ solved[..., 2:], axis=0)[..., 0]
+        step = np.linalg.solve(information, vector[..., None])[..., 0]
+        levels += solved[..., 2] - (solved[..., :2] @ step[..., None])[..., 0]
         if iteration > 0:
             a += np.clip(step[:, 0], -limit, limit)
             b += np.clip(step[:, 1], -limit, limit)
             # The edges stay in the profile, and in this order.
             a = np.clip(a, across[0], across[-1] - 0.2 * prior)
             b = np.clip(b, a + 0.2 * prior, across[-1])
-    covariance = np.linalg.inv(information)
-    variance = (covariance[:, 0, 0] + covariance[:, 1, 1] + 2 * covariance[:, 0, 1]) / 4
-    inner = levels[:, 2, None] + levels[:, 3, None] * [-1, 1]
-    misfit = np.sum(np.abs(residual) * window, axis=1) / np.sum(window, axis=1)
-    residual = np.clip(residual / scatter[:, None], -3, 3) * window
-    return EdgePairs(a, b, inner - levels[:, :2], misfit, residual, np.sqrt(variance))
+    variance = np.linalg.inv(information).sum(axis=(1, 2)) / 4
+    misfit = (np.abs(residual) * window).sum(axis=(0, 2)) / window.sum(axis=1)
+    residual = np.clip(residual / scatter[..., None], -3, 3) * window
+    return EdgePairs(
+        left=a,
+        right=b,
+        contrast=np.linalg.norm(_steps(levels), axis=0),
+        misfit=misfit,
+        residual=np.concatenate(list(residual), axis=1),
+        centre_sigma=np.sqrt(variance),
+    )
 
 
 def _model(
     across: Floats, a: Floats, b: Floats, levels: Floats, blur: float
 ) -> tuple[Floats, Floats]:
-    """Compute the Jacobian (n, m, 6) by (a, b, L, R, I, G), and that of the levels (n, m, 4)."""
+    """Compute the gradients of profiles: by a and b (c, n, m, 2), and by the levels (n, m, 4)."""
     to_a, to_b = (across - a[:, None]) / blur, (across - b[:, None]) / blur
     past_a, past_b = ndtr(to_a), ndtr(to_b)
     slope = np.clip((2 * across - (a + b)[:, None]) / (b - a)[:, None], -1, 1)
     inside = past_a - past_b
     basis = np.stack([1 - past_a, past_b, inside, inside * slope], axis=-1)
-    density_a = np.exp(-0.5 * to_a**2) / (blur * np.sqrt(2 * np.pi))
-    density_b = np.exp(-0.5 * to_b**2) / (blur * np.sqrt(2 * np.pi))
-    step_a = (levels[:, 2] - levels[:, 3] - levels[:, 0])[:, None]
-    step_b = (levels[:, 1] - levels[:, 2] - levels[:, 3])[:, None]
-    by_edges = np.stack([-density_a * step_a, -density_b * step_b], axis=-1)
-    return np.concatenate([by_edges, basis], axis=-1), basis
+    density = np.exp(-0.5 * np.stack([to_a, to_b], axis=-1) ** 2) / (blur * np.sqrt(2 * np.pi))
+    return density * _steps(levels)[:, :, None] * [-1.0, 1.0], basis
+
+
+def _steps(levels: Floats) -> Floats:
+    """Compute the steps (c, n, 2) from outside to inside of both edges."""
+    return levels[..., 2, None] + levels[..., 3, None] * [-1.0, 1.0] - levels[..., :2]
 
 
 def _window(across: Floats, a: Floats, b: Floats, blur: float) -> Floats:
@@ -136,6 +151,7 @@ def _window(across: Floats, a: Floats, b: Floats, blur: float) -> Floats:
 
 
 def _scatter(residual: Floats, window: Floats) -> Floats:
-    """Estimate the robust scatter (n,) of the residuals within the window; at least 0.3 gray."""
-    inside = np.where(window > 0, np.abs(residual), np.nan)
-    return np.asarray(np.maximum(SIGMA_OVER_MAD * np.nanmedian(inside, axis=1), 0.3))
+    """Estimate the robust scatter (c, n) of the residuals within the window."""
+    sizes = np.sort(np.where(window > 0, np.abs(residual), np.inf), axis=2)
+    middle = np.count_nonzero(window, axis=1) // 2
+    return np.maximum(SIGMA_OVER_MAD * sizes[:, np.arange(len(middle)), middle], MIN_SCATTER)

@@ -71,8 +71,8 @@ class Sections(NamedTuple):
         """Unit vectors (n, 2), a quarter turn from the tangents, from u towards v."""
         return np.column_stack([-self.tangents[:, 1], self.tangents[:, 0]])
 
-    def profiles(self, gray: npt.NDArray[np.float32], width: float) -> tuple[Floats, Floats]:
-        """Sample profiles (n, m) at distances (m,) [px] along the normals.
+    def profiles(self, image: npt.NDArray[np.float32], width: float) -> tuple[Floats, Floats]:
+        """Sample profiles (c, n, m) of an image's c channels at distances (m,) along the normals.
 
         Each is a mean along the beam, from halfway to the section before to halfway to the next.
         """
@@ -88,9 +88,9 @@ class Sections(NamedTuple):
         )
         maps = grid.reshape(len(self.x) * count, len(across), 2).astype(np.float32)
         sampled = cv2.remap(
-            gray, maps[..., 0], maps[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-        )
-        return sampled.reshape(len(self.x), count, -1).mean(axis=1, dtype=np.float64), across
+            image, maps[..., 0], maps[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        ).reshape(len(self.x), count, len(across), -1)
+        return np.moveaxis(sampled.mean(axis=1, dtype=np.float64), 2, 0), across
 
 
 def section_places(length: float, width: float) -> Floats:

@@ -2,27 +2,32 @@
 
 import math
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from solver.centreline.smooth import FINE_DEGREE, running_median
 from solver.core.correlation import correlation_length, field_correlation
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.errors import InputError
-from solver.instrument.images import read_grey
+from solver.instrument.images import CHANNELS, read_colour, read_grey
 from solver.instrument.medians import SIGMA_OVER_MAD
 from solver.trace.edge_pairs import EdgePairs, edge_pairs
+from solver.trace.equal_noise import Image, equal_noise
 from solver.trace.path_search import NEAR_MARK, BeamPath, beam_paths
 from solver.trace.sections import TAPER, Chord, Sections, course, section_places
 
+# Channels of a photograph that may be traced: all of its colours, or one.
+ALL_CHANNELS: Final = "all"
+TRACE_CHANNELS: Final = (ALL_CHANNELS, *CHANNELS)
 # Shortest beam [px]: a pixel for each of the fewest sections.
 LEAST_LENGTH: Final = 80
 # Fewest points. Chosen: a fit of a bent beam has about ten parameters.
 LEAST_POINTS: Final = 40
 # Smallest support and contrast [gray] of a path that is a beam. Measured: paths along texture or
-# along a single edge reach a support of 0.27, those of 150 drawn beams begin at 0.52.
+# along a single edge reach a support of 0.2, those of drawn beams and cables begin at 0.7.
 MIN_SUPPORT, MIN_CONTRAST = 0.4, 2.0
 # The edges are fitted three times: with the sigma of the width's prior, over the width, and with
 # blurs over the width, at least that many pixels. The first are wide: the path is off by as much.
@@ -33,6 +38,11 @@ BLURS: Final = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 # A section is rejected below this fraction of the median contrast, and beyond this many robust
 # scatters of its width or centre, which are at least LEAST_SIGMA. Chosen.
 MIN_RELATIVE_CONTRAST, REJECTED = 0.2, 5.0
+# Least certainty of a wider beam over that of the most certain one. Chosen: edges of 0.6 times the
+# contrast have it, at 0.2 the edges of two beams count as one.
+MIN_CERTAINTY: Final = 0.36
+# Tangent of the angle by which a beam may turn between its last section and the mark. Chosen.
+END_TURN: Final = 0.25
 # Least sigma [px]. Measured on drawn beams without grain or texture.
 LEAST_SIGMA: Final = 0.02
 # Sections over which the scatter is computed. Chosen: a third of the fewest.
@@ -56,40 +66,47 @@ class TracedBeam(NamedTuple):
     shift_sigma: float = 0.0
 
 
-def photograph(path: Path, channel: str = "gray") -> npt.NDArray[np.float32]:
-    """Read a channel of a photograph as gray values (height, width).
+def photograph(path: Path, channel: str = ALL_CHANNELS) -> Image:
+    """Read a photograph: all channels (height, width, 3), or one (height, width), as gray values.
 
-    `channel` is one of `instrument.images.CHANNELS`. Pixels are used as they are stored: an
-    orientation tag (EXIF) is ignored, as everywhere, and marks refer to the stored pixels. Raises
-    InputError if the file is not an image.
+    `channel` is one of TRACE_CHANNELS; a gray image has one channel. Pixels are used as they are
+    stored: an orientation tag (EXIF) is ignored, as everywhere, and marks refer to the stored
+    pixels. Raises InputError if the file is not an image.
     """
-    return read_grey(path, channel).astype(np.float32)
+    image = read_colour(path) if channel == ALL_CHANNELS else read_grey(path, channel)
+    return image.astype(np.float32)
 
 
-def traced_beam(image: npt.NDArray[np.floating], clamp_px: Floats, tip_px: Floats) -> TracedBeam:
-    """Trace the beam from its clamp to its tip in an image (height, width) of one channel.
+def traced_beam(image: npt.NDArray[Any], clamp_px: Floats, tip_px: Floats) -> TracedBeam:
+    """Trace the beam from its clamp to its tip in an image (height, width) or (height, width, 3).
 
     `clamp_px` and `tip_px` (2,) [px] need to be known to a few pixels only. The beam may be 1 to
-    60 px wide, brighter or darker than its background. The errors of neighbouring points are
-    correlated by grain and compression: the sigmas are larger than the scatter by the root of the
-    correlation length, so that a fit to independent points has the right covariance. What is the
-    same all along the beam, as light from one side, only shifts it: `shift_sigma`. Places at
-    which an edge is hidden or disturbed are left out. Raises InputError where no beam is found.
+    60 px wide. Each of its edges may have any contrast, in brightness or in colour, which may
+    change along the beam. The errors of neighbouring points are correlated by grain and
+    compression: the sigmas are larger than the scatter by the root of the correlation length, so
+    that a fit to independent points has the right covariance. What is the same all along the beam,
+    as light from one side, only shifts it: `shift_sigma`. Places at which an edge is hidden or
+    disturbed are left out. Raises InputError where no beam is found.
     """
     clamp, tip = np.asarray(clamp_px, np.float64), np.asarray(tip_px, np.float64)
-    gray = np.ascontiguousarray(image, np.float32)
-    _check_marks(gray.shape, clamp, tip)
-    paths = beam_paths(gray, clamp, tip)
-    if paths[0].support < MIN_SUPPORT or paths[0].contrast < MIN_CONTRAST:
+    _check_marks(image.shape, clamp, tip)
+    channels = equal_noise(image)
+    paths = beam_paths(channels, clamp, tip)
+    strong = [
+        path for path in paths if path.support >= MIN_SUPPORT and path.contrast >= MIN_CONTRAST
+    ]
+    if not strong:
+        best = max(paths, key=lambda path: path.support)
         raise InputError(
             f"no beam is found from clamp_px {_shown(clamp)} to tip_px {_shown(tip)}: the best "
-            f"path has two edges of {max(paths[0].contrast, 0):.1f} gray on "
-            f"{100 * max(paths[0].support, 0):.0f} % of its length, needed are "
-            f"{MIN_CONTRAST:.1f} gray on {100 * MIN_SUPPORT:.0f} %"
+            f"path has two edges of {max(best.contrast, 0):.1f} gray on {100 * best.support:.0f} % "
+            f"of its length, needed are {MIN_CONTRAST:.1f} gray on {100 * MIN_SUPPORT:.0f} %"
         )
-    fits = (_fitted(gray, path, clamp, tip) for path in paths)
-    fit = next((fit for fit in fits if fit.passes(clamp, tip)), None)
-    if fit is None:
+    marks, length = np.array([clamp, tip]), math.dist(clamp, tip)
+    chord = Chord(clamp, (tip - clamp) / length)
+    likeliest = _likeliest([_first_fit(channels, path, chord, length) for path in strong], marks)
+    fit = None if likeliest is None else _final_fit(channels, likeliest, chord)
+    if fit is None or fit.off_marks(marks).max() > 1:
         raise InputError(
             f"no beam passes within {NEAR_MARK:.0f} px of both clamp_px {_shown(clamp)} and tip_px "
             f"{_shown(tip)} with two undisturbed edges in at least {LEAST_POINTS} sections"
@@ -104,13 +121,29 @@ class _Fit(NamedTuple):
     pairs: EdgePairs
     kept: Mask
 
-    def passes(self, clamp: Floats, tip: Floats) -> bool:
-        """Return whether this is a beam from clamp to tip: enough sections, between the marks."""
-        off = [
-            (mark - self.sections.points[end]) @ self.sections.normals[end]
-            for end, mark in ((0, clamp), (-1, tip))
-        ]
-        return bool(np.count_nonzero(self.kept) >= LEAST_POINTS and max(np.abs(off)) < NEAR_MARK)
+    def off_marks(self, marks: Floats) -> Floats:
+        """Compute how far the line, extended straight, is off the marks (2, 2), over the allowed.
+
+        The results (2,) are infinite with fewer than LEAST_POINTS sections.
+        """
+        kept = np.flatnonzero(self.kept)
+        if len(kept) < LEAST_POINTS:
+            return np.full(2, np.inf)
+        ends = kept[[0, -1]]
+        normals, tangents = self.sections.normals[ends], self.sections.tangents[ends]
+        gap = marks - self.sections.points[ends] - self.pairs.centre[ends, None] * normals
+        allowed = NEAR_MARK + END_TURN * np.abs(np.sum(gap * tangents, axis=1))
+        return np.asarray(np.abs(np.sum(gap * normals, axis=1)) / allowed)
+
+    def moved(self, chord: Chord) -> tuple[Sections, Floats]:
+        """Move the sections to the middle of the edges; return them with the course of the width.
+
+        Places of sections that are not kept are between, or beyond, those of others.
+        """
+        at, kept = self.sections.x, self.kept
+        centres = self.sections.points + self.pairs.centre[:, None] * self.sections.normals
+        moved = chord.sections(*chord.places(centres[kept]), at)
+        return moved, course(at[kept], self.pairs.width[kept], at, TAPER)
 
     def traced(self) -> TracedBeam:
         """Compute points and sigmas of the sections that are kept."""
@@ -136,46 +169,65 @@ class _Fit(NamedTuple):
         )
 
 
-def _fitted(gray: npt.NDArray[np.float32], path: BeamPath, clamp: Floats, tip: Floats) -> _Fit:
+def _likeliest(fits: list[_Fit], marks: Floats) -> _Fit | None:
+    """Choose the widest beam about the most certain line: grain and highlights are within it.
+
+    A line is certain by the information of its points, and by how near it is to the marks. Return
+    None if none passes the marks.
+    """
+    fits = [fit for fit in fits if fit.off_marks(marks).max() <= 1]
+    if not fits:
+        return None
+    beams = [fit.traced() for fit in fits]
+    certainty = np.array(
+        [
+            np.sum(beam.sigmas**-2.0) * np.exp(-np.sum(fit.off_marks(marks) ** 2))
+            for beam, fit in zip(beams, fits, strict=True)
+        ]
+    )
+    widths = np.array([np.median(beam.widths) for beam in beams])
+    line = cKDTree(beams[int(certainty.argmax())].points)
+    apart = np.array([np.median(line.query(beam.points)[0]) for beam in beams])
+    about = (certainty >= MIN_CERTAINTY * certainty.max()) & (apart < widths / 2)
+    about[certainty.argmax()] = True
+    return fits[int(np.argmax(np.where(about, widths, 0.0)))]
+
+
+def _first_fit(image: Image, path: BeamPath, chord: Chord, length: float) -> _Fit:
     """Fit both edges along a path, which moves to their middle."""
-    length = float(np.linalg.norm(tip - clamp))
-    chord = Chord(clamp, (tip - clamp) / length)
     at = section_places(length, path.width)
     sections = chord.sections(*chord.places(path.points), at)
     widths = np.full(len(at), path.width)
     for width_sigma, relative_blur, least_blur in FIRST_FITS:
-        blurs = (max(relative_blur * path.width, least_blur),)
-        pairs = _edges(gray, sections, widths, width_sigma, blurs)
-        kept = _kept(pairs, sections, path.sign)
-        if np.count_nonzero(kept) < LEAST_POINTS:
-            return _Fit(sections, pairs, kept)
-        centres = sections.points + pairs.centre[:, None] * sections.normals
-        sections = chord.sections(*chord.places(centres[kept]), at)
-        widths = course(at[kept], pairs.width[kept], at, TAPER)
-    pairs = _edges(gray, sections, widths, WIDTH_SIGMA, BLURS)
-    return _Fit(sections, pairs, _kept(pairs, sections, path.sign))
+        blur = max(relative_blur * path.width, least_blur)
+        pairs = _edges(image, sections, widths, width_sigma, blur)
+        fit = _Fit(sections, pairs, _kept(pairs, sections))
+        if np.count_nonzero(fit.kept) < LEAST_POINTS:
+            break
+        sections, widths = fit.moved(chord)
+    return fit
+
+
+def _final_fit(image: Image, first: _Fit, chord: Chord) -> _Fit:
+    """Fit both edges with the blur that leaves the least residuals."""
+    sections, widths = first.moved(chord)
+    fits = [_edges(image, sections, widths, WIDTH_SIGMA, blur) for blur in BLURS]
+    pairs = min(fits, key=lambda fit: float(np.median(fit.misfit)))
+    return _Fit(sections, pairs, _kept(pairs, sections))
 
 
 def _edges(
-    gray: npt.NDArray[np.float32],
-    sections: Sections,
-    widths: Floats,
-    width_sigma: float,
-    blurs: tuple[float, ...],
+    image: Image, sections: Sections, widths: Floats, width_sigma: float, blur: float
 ) -> EdgePairs:
-    """Fit the edges in all sections with each of the blurs; return the fit that is best."""
+    """Fit the edges in all sections, with a `width_sigma` relative to the width."""
     width = float(np.median(widths))
-    profiles, across = sections.profiles(gray, width)
-    fits = (
-        edge_pairs(profiles, across, -widths / 2, widths / 2, width_sigma * width, blur)
-        for blur in blurs
-    )
-    return min(fits, key=lambda fit: float(np.median(fit.misfit)))
+    profiles, across = sections.profiles(image, width)
+    return edge_pairs(profiles, across, -widths / 2, widths / 2, width_sigma * width, blur)
 
 
-def _kept(pairs: EdgePairs, sections: Sections, sign: int) -> Mask:
+def _kept(pairs: EdgePairs, sections: Sections) -> Mask:
     """Return a mask (n,) of the sections with two undisturbed edges."""
-    contrast = (sign * pairs.contrast).min(axis=1)
+    contrast = pairs.contrast.min(axis=1)
     least = max(MIN_RELATIVE_CONTRAST * float(np.median(contrast)), MIN_CONTRAST)
     kept = np.asarray(contrast > least)
     for values, degree in ((pairs.width, TAPER), (pairs.centre, FINE_DEGREE)):

@@ -92,7 +92,7 @@ def test_what_is_not_stated_has_a_default(tmp_path: Path) -> None:
     assert photos.rigidity is None
     assert photos.focal is None
     assert photos.k1 == LENS
-    assert photos.channel == "gray"
+    assert photos.channel == "all"
     assert photos.view_sigma == pytest.approx(math.radians(5))
     assert photos.shape.section_sigma == SECTION_SIGMA
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
@@ -66,6 +67,54 @@ def test_sigmas_hold_on_a_textured_table_with_grain(width_px: float, look: Look)
         pulls.append(float(mean / np.hypot(information**-0.5, beam.shift_sigma)))
     assert np.mean(shares) > 0.95  # all, but for a knot or the string in one photograph of 40
     assert np.sqrt(np.mean(np.square(pulls))) < 4
+
+
+def layers(colours: Floats, blur: float = 1.0) -> tuple[Floats, Floats, Floats]:
+    """An image (420, 640, c) of a bent beam 14 px wide, and its clamp and tip.
+
+    `colours` (3, 2, c) are those above, in and below the beam, at its clamp and at its tip.
+    """
+    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    middle = 150 + 60 * ((u - 60) / 520) ** 2
+    across = (v - middle) / np.hypot(1, 120 * (u - 60) / 520**2)
+    part = np.clip((u - 60) / 520, 0, 1)[..., None]
+    above, beam, below = (first + part * (last - first) for first, last in colours)
+    upper, lower = (ndtr((across + side) / blur)[..., None] for side in (7, -7))
+    image = above + upper * (beam - above) + lower * (below - beam)
+    noise = generator(__name__, 9).standard_normal(image.shape)
+    return image + 1.5 * noise, np.array([60.0, 150.0]), np.array([580.0, 210.0])
+
+
+@pytest.mark.parametrize(
+    "colours",
+    [
+        # Brighter than what is above and darker than what is below.
+        [[[60.0], [60.0]], [[110.0], [110.0]], [[170.0], [170.0]]],
+        # Darker, and then brighter, than what is above it; the place between has no upper edge.
+        [[[150.0], [60.0]], [[110.0], [110.0]], [[40.0], [40.0]]],
+        # As bright as the table, of another hue.
+        [[[120.0, 100, 80]] * 2, [[90.0, 100, 110]] * 2, [[120.0, 100, 80]] * 2],
+        # The upper edge is one of brightness, the lower one of hue.
+        [[[60.0, 60, 60]] * 2, [[90.0, 100, 110]] * 2, [[120.0, 100, 80]] * 2],
+    ],
+)
+def test_each_edge_has_a_contrast_of_its_own(colours: list[list[list[float]]]) -> None:
+    image, clamp, tip = layers(np.array(colours))
+    beam = traced_beam(image, clamp, tip)
+    u, v = beam.points.T
+    off = (v - 150 - 60 * ((u - 60) / 520) ** 2) * beam.normals[:, 1]
+    assert np.sqrt(np.mean(off**2)) < 0.1
+    assert np.mean(np.abs(off) < 3 * beam.sigmas) > 0.97
+    assert np.median(beam.widths) == pytest.approx(14, abs=0.2)
+    assert len(beam.points) > 60
+
+
+def test_a_colour_image_of_equal_channels_is_a_gray_image() -> None:
+    photo, _ = drawn(8, Look(), 6)
+    colour = np.repeat(photo.image[..., None], 3, axis=2)
+    other = traced_beam(colour, photo.line[0], photo.line[-1])
+    gray = traced_beam(photo.image, photo.line[0], photo.line[-1])
+    np.testing.assert_array_equal(other.points, gray.points)
 
 
 def test_the_middle_of_the_edges_counts_and_not_the_brightest_line() -> None:
@@ -128,6 +177,7 @@ def test_pixels_of_a_photograph_are_used_as_stored(tmp_path: Path) -> None:
         assert image.shape == (48, 64)
         assert np.abs(image - gray).max() < 4
     assert (photograph(path, "lab_b") > 140).all()  # towards yellow
+    assert np.abs(photograph(path) - colour).max() < 4
 
 
 def test_a_rolled_camera_traces_the_same_beam() -> None:
