@@ -38,6 +38,9 @@ _LEAST_SCALE: Final = 0.1
 # Misfit of a photograph that fits, over the scale of all. Chosen: a wooden beam is not quite
 # uniform; its sigmas are widened by the misfit.
 MAX_MISFIT: Final = 5.0
+# Shift of the beam's image at its clamp, over its width; it falls to a third in every width along
+# the beam. Chosen: a clamp hides or shades a part of an edge there.
+_CLAMP_BIAS: Final = 0.1
 # Least scale of the stated sigmas. Chosen: the fit follows errors that change slowly along the
 # beam, and its residuals do not show them.
 _LEAST_STATED: Final = 0.5
@@ -112,7 +115,7 @@ def problems_of(photos: PhotoSet, shown: Sequence[Shown]) -> list[PhotoProblem]:
         problems.append(
             PhotoProblem(
                 points=beam.points - centre,
-                sigmas=beam.normals * beam.sigmas[:, None],
+                sigmas=beam.normals * np.hypot(beam.sigmas, _clamp_bias(beam, photo))[:, None],
                 clamp=photo.clamp - centre,
                 tip=photo.tip - centre,
                 marks=np.column_stack([photo.marks[:, :2] - centre, photo.marks[:, 2:] / length]),
@@ -137,6 +140,12 @@ def principal_point(photo: Photograph, size: tuple[int, int]) -> Floats:
     """Return the principal point (2,) [px] of an image with this width and height."""
     stated = photo.principal_point
     return (np.array(size) - 1) / 2 if stated is None else stated
+
+
+def _clamp_bias(beam: TracedBeam, photo: Photograph) -> Floats:
+    """Return sigmas (n,) [px] of the shift of points by shadows and edges of the clamp."""
+    widths = np.linalg.norm(beam.points - photo.clamp, axis=1) / beam.widths
+    return np.asarray(_CLAMP_BIAS * beam.widths * np.exp(-widths))
 
 
 def _width_ratio(beam: TracedBeam, photo: Photograph) -> Stated:

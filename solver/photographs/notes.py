@@ -16,10 +16,9 @@ _UNDETERMINED: Final = 0.9
 # Marks that determine the view of a plane. Derived: it has eight unknown numbers.
 _MARKS: Final = 4
 
-# On real photographs with known loads, no force was right so far.
 TESTED: Final = (
-    "These sigmas were tested in rendered photographs only: compare a force with a known one, such "
-    "as a weighed mass, before you trust the others."
+    "These sigmas were tested in rendered photographs, and in one set of real ones only: compare a "
+    "force with a known one, such as a weighed mass, before you trust the others."
 )
 
 

@@ -83,7 +83,7 @@ def test_photographs_give_a_table_a_page_and_json(
     assert rigidity == pytest.approx(1e6 * BEAM.rigidity, rel=0.03)
     assert all(math.isfinite(value) for value in document["shared"].values())
     assert isinstance(document["cannot_be_known"], list)
-    assert "in rendered photographs only" in document["cannot_be_known"][-1]
+    assert "in rendered photographs" in document["cannot_be_known"][-1]
     text = page.read_text(encoding="utf-8")
     assert text.count("<figure>") == 3
     assert "data:image/jpeg;base64," in text
