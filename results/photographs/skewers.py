@@ -204,7 +204,6 @@ _CASES: Final = (
     (DEVELOPMENT, "9V_7in", True),
     (DEVELOPMENT, "9V_7in", False),
     (DEVELOPMENT | HELD_OUT, "9V_7in", True),
-    (DEVELOPMENT | HELD_OUT, "9V_7in", False),
     (DEVELOPMENT | HELD_OUT, "D_7in", True),
 )
 _HEADS: Final = (

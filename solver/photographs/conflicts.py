@@ -19,6 +19,7 @@ MAX_SIGMAS: Final = 4.0
 # Least variance of the difference, over that of the prior. Chosen: where the photographs hardly
 # determine a value, the difference is what the linear covariance leaves out.
 _LEAST_SHARE: Final = 0.5
+_WIDTH: Final = "the width along the beam (beam_shape.taper_sigma, camera.view_sigma_deg)"
 _SQUARE_MILLIMETRE: Final = MILLIMETRE**2
 
 
@@ -122,6 +123,7 @@ def _of_residuals(fit: PhotosFit) -> list[Conflict]:
         ends = np.cumsum([len(problem.points), *problem.labels.values()]).tolist()
         for label, first, last in zip(problem.labels, ends[:-1], ends[1:], strict=True):
             sigmas = float(np.linalg.norm(rows.residual[first:last]))
-            sentence = f"{label} is {sigmas:.0f} sigmas from what the photographs show."
+            name = _WIDTH if label == "width" else label
+            sentence = f"{name} is {sigmas:.0f} sigmas from what the photographs show."
             conflicts.append(Conflict(label, sigmas, sentence, i))
     return conflicts

@@ -41,9 +41,9 @@ MAX_MISFIT: Final = 5.0
 # Shift of the beam's image at its clamp, over its width; it falls to a third in every width along
 # the beam. Chosen: a clamp hides or shades a part of an edge there.
 _CLAMP_BIAS: Final = 0.1
-# Least scale of the stated sigmas. Chosen: the fit follows errors that change slowly along the
-# beam, and its residuals do not show them.
-_LEAST_STATED: Final = 0.5
+# Least misfit that is expected. Chosen: with less, a photograph before another background would
+# not fit.
+_LEAST_EXPECTED: Final = 0.5
 # Sigma of the width at the tip over that at the clamp, and of a width [px]. Chosen: a round stick
 # is as uniform, and blur as well as light from one side widen a beam by less.
 _WIDTH_SIGMA, _WIDTH_SIGMA_PX = 0.05, 0.5
@@ -61,8 +61,8 @@ class PhotoFit:
     """How one photograph fits: points that were `kept` (n,), and their misfit.
 
     The misfit is the rms, in sigmas, of means of residuals over their correlation length; of these
-    there are `independent`. `scale` is that of the stated sigmas, by the median misfit of all
-    photographs; it is at most 1.
+    there are `independent`. `scale` is what is expected of it, the median of all photographs, but
+    at most 1: the stated sigmas contain slow errors, which the fit follows.
     """
 
     kept: Mask
@@ -73,7 +73,7 @@ class PhotoFit:
     @property
     def inflation(self) -> float:
         """Factor of the variances of the points."""
-        return max(self.misfit, self.scale) ** 2
+        return max(self.misfit, 1.0) ** 2
 
     @property
     def fits(self) -> bool:
@@ -161,13 +161,13 @@ def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | Unfitted
     problems = problems_of(photos, shown)
     prior = prior_of(photos, problems, max(math.hypot(*one.size) for one in shown))
     problem = _joint(problems, prior)
-    coarse = _coarse(problem, _COARSE[0])
-    starts = [_start(coarse, i) for i in range(len(problems))]
-    p = problem.mean.copy()
-    for i, start in enumerate(starts):
+    coarse, p = _coarse(problem, _COARSE[0]), problem.mean.copy()
+    # Photographs at rest come first: loads are compared with their bow.
+    for i in sorted(range(len(problems)), key=lambda i: problems[i].load is not None):
+        start = _start(coarse, i, p)
         if start is None:
             return Unfitted(i)
-        p[problem.columns(i)[problem.shared :]] = start
+        p[problem.columns(i)] = start
     p = _with_known_forces(problem, p)
     for error in _COARSE:
         near = _coarse(problem, error).minimised(p)
@@ -182,7 +182,7 @@ def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | Unfitted
         fitted = replace(problem, weights=weights).minimised(fitted.at.p) or fitted
         weights = _reweighted(problem, fitted.at).weights
     fits = tuple(map(_photo_fit, problems, fitted.at.rows, weights))
-    scale = float(np.clip(np.median([one.misfit for one in fits]), _LEAST_STATED, 1))
+    scale = float(np.clip(np.median([one.misfit for one in fits]), _LEAST_EXPECTED, 1))
     fits = tuple(replace(one, scale=scale) for one in fits)
     final = replace(problem, weights=tuple(one.kept / one.inflation for one in fits))
     last = final.minimised(fitted.at.p)
@@ -247,15 +247,19 @@ def _coarse(problem: PhotosProblem, error: float) -> PhotosProblem:
     return replace(problem, weights=tuple(weights))
 
 
-def _start(problem: PhotosProblem, photo: int) -> Floats | None:
-    """Fit one photograph with the shared parameters of the prior; return its own (10,)."""
+def _start(problem: PhotosProblem, photo: int, p: Floats) -> Floats | None:
+    """Fit one photograph by itself, from p (p,); return the shared parameters and its own.
+
+    The shared ones are fixed, but for the bow of a photograph at rest.
+    """
     own, shared = problem.photos[photo], problem.shared
     place = own.load.place.value / own.length if own.load and own.load.place else None
     columns = np.array(problem.columns(photo))
     mean = problem.mean[columns]
     # The scale of the forces is unknown until a load is.
     alone = replace(own, load=replace(own.load, force=None) if own.load else None)
-    free = [i for i in range(shared, len(mean)) if columns[i] in problem.free]
+    bow = own.parameters.indices("bow") if own.load is None else []
+    free = [i for i in (*bow, *range(shared, len(mean))) if columns[i] in problem.free]
     single = PhotosProblem(
         photos=(alone,),
         mean=mean,
@@ -265,12 +269,10 @@ def _start(problem: PhotosProblem, photo: int) -> Floats | None:
     )
     best: Minimum | None = None
     for start in starts_of(own.points, own.clamp, own.tip, own.side, place, own.load is not None):
-        p = mean.copy()
-        p[shared:] = start
-        fitted = single.minimised(p)
+        fitted = single.minimised(np.append(p[:shared], start))
         if fitted and (best is None or fitted.at.objective < best.at.objective):
             best = fitted
-    return None if best is None else best.at.p[shared:]
+    return None if best is None else best.at.p
 
 
 def _with_known_forces(problem: PhotosProblem, start: Floats) -> Floats:
