@@ -182,7 +182,13 @@ def photograph(
         marks=np.column_stack([marked(places), places]) if marks else np.zeros((0, 4)),
         load=None if load is None else PhotoLoad(load.kind),
     )
-    traced = TracedBeam(points, normals, sigmas, np.full(len(arcs), 10.0))
+    # A beam whose width at the clamp is a fiftieth of its length.
+    half = 0.01 * beam.length * (np.vectorize(beam.rigidity_at)(arcs) / beam.rigidity) ** 0.25
+    angle = shape.rows[:-1, 2]
+    across = half[:, None] * np.column_stack([-np.sin(angle), np.cos(angle)])
+    edges = [camera.pixels(shape.rows[:-1, :2] + edge, beam.length) for edge in (across, -across)]
+    widths = np.linalg.norm(edges[0] - edges[1], axis=1)
+    traced = TracedBeam(points, normals, sigmas, widths)
     return photo, Shown(traced, camera.size), Truth(load, shape.at_load[:2], tilt)
 
 
@@ -260,6 +266,7 @@ def drawn_set(seed: int, spec: SetSpec) -> DrawnSet:
         rigidity=Stated(RIGIDITY, 0.2 * RIGIDITY) if spec.rigidity_stated else None,
         shape=BeamShape(),
         focal=Stated(3000.0, 300.0),
+        k1=Stated(0.0, 0.05),
         mark_sigma=max(spec.noise.marks, 0.01),
     )
     return DrawnSet(photos, [item[1] for item in items], [item[2] for item in items], beam)

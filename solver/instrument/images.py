@@ -32,6 +32,8 @@ _PNG = [
 # Largest image file [bytes]. Derived: MAX_PIXELS uncompressed, with four channels of 16 bits.
 MAX_BYTES: Final = 8 * MAX_PIXELS
 _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+# Bytes 4 to 12 of a telephone's HEIC image.
+_HEIC: Final = (b"ftypheic", b"ftypheix", b"ftypmif1")
 _PNG_HEAD: Final = 25  # bytes up to the bit depth
 # Formats of a laboratory's images; generated ones are PNG.
 FORMATS: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
@@ -106,6 +108,12 @@ def _decode(content: bytes, path: Path) -> Any:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     except cv2.error:  # such as an image of any format with more than MAX_PIXELS
         image = None
+    if image is None and content[4:12] in _HEIC:
+        jpeg = path.with_suffix(".jpg").name
+        raise InputError(
+            f"{path}: is a HEIC image, which cannot be decoded; convert it: heif-convert -q 95 "
+            f"'{path.name}' '{jpeg}'"
+        )
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
     return image

@@ -23,7 +23,10 @@ def photos(
     web_page: PageOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Estimate loads and EI from photographs of one beam, from any poses and without a board."""
+    """Estimate loads and EI from photographs of one beam, from any poses and without a board.
+
+    The exit status is 1 if the load of no photograph is answered.
+    """
     photo_set = read_photos(folder)
     read = (folder / FILE, *(one.path for one in photo_set.photographs))
     prepare_output_and_page(out, web_page, read)
@@ -38,3 +41,7 @@ def photos(
     if web_page:
         write(web_page, page(answer).encode())
     print(json_line(answer) if json else f"{summary(answer)}\nwritten to {out}")
+    loads = [photo.load is not None for photo in photo_set.photographs]
+    answered = [one.outcome.has_values for one in answer.answers]
+    if any(loads) and not any(answered):
+        raise typer.Exit(1)

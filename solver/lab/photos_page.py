@@ -5,11 +5,11 @@ from html import escape
 from typing import Final
 
 import cv2
-import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.images import eight_bit, read_grey
 from solver.lab.photos_table import rows_of, summary
+from solver.photographs.fit import principal_point
 from solver.photographs.line import fitted_line
 from solver.photographs.solve import PhotosAnswer
 
@@ -68,7 +68,7 @@ def _drawn(answer: PhotosAnswer, i: int, dot: float) -> str:
     k = answer.fitted.index(i)
     kept = answer.fit.fits[k].kept
     line = fitted_line(answer.fit, k)
-    middle = (np.array(shown.size) - 1) / 2
+    middle = principal_point(answer.photos.photographs[i], shown.size)
     course = " ".join(f"{u:.1f},{v:.1f}" for u, v in line.pixels + middle)
     load = ""
     if line.load is not None:

@@ -1,58 +1,65 @@
-"""Contact and tip of a bent beam in plane C.
+"""Places on a bent beam in plane C, with their gradients.
 
-The parameters p (k + 5,) are those of shape and clamp, as in `beams.beam`, in units of the beam's
-length; every gradient is by all of them. The beam bends towards y.
+The parameters q (k + 5,) are those of shape and clamp, as in `beams.beam`, in units of the length
+of the beam that bends. The beam bends towards y.
 """
+
+import math
+from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 
-from solver.beams.beam import S_C, BentBeam
+from solver.beams.beam import DX, DY, POSE, S_C, Beam, BentBeam
+from solver.beams.curve import END, SLOPE, P, U
 from solver.beams.dead_load import Quantity, turn_of
-from solver.instrument.arrays import Floats
-from solver.instrument.transforms import turn_about_z
+from solver.instrument.arrays import Floats, Mask
 
-# Nodes and weights on (0, 1). Chosen: four integrate a bow of three coefficients to 1e-9.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-
-
-def contact_place(bent: BentBeam, p: Floats) -> Quantity:
-    """Compute the place (2,) of the contact in plane C."""
-    return _turned(bent, p, bent.contacts[0, 2:4], bent.by_contacts[0, 2:4])
+# Step of the differences. Chosen: between rounding, 1e-10, and curvature, 1e-6, of the gradient.
+_STEP: Final = 1e-6
 
 
-def tip_place(bent: BentBeam, p: Floats, at_rest: slice) -> Quantity:
-    """Compute the place (2,) of the tip, the arc length 1, in plane C.
+def places_on(bent: BentBeam, q: Floats, arcs: Floats) -> Floats:
+    """Compute the places (n, 2) in plane C at arc lengths (n,) from where the beam bends."""
+    curve = bent.curve
+    lever, height, angle = curve.base
+    # Nodes are at equal arc lengths ahead of the contact, and behind it; it has one in both parts.
+    ahead = q[S_C] + (END - q[S_C]) * np.linspace(1, 0, curve.contact + 1)
+    behind = np.linspace(q[S_C], 0, curve.nodes.shape[1] - len(ahead))
+    arc, nodes = np.append(ahead, behind[1:]), np.delete(curve.nodes, curve.contact + 1, axis=1)
+    i = np.clip(np.searchsorted(-arc, -arcs) - 1, 0, len(arc) - 2)
+    step, slope = arc[i] - arc[i + 1], nodes[SLOPE]
+    cosine = 1 / np.sqrt(1 + slope**2)
+    # Cubic through places and tangents (Hermite), by the part of the step from the outer node.
+    t = (arc[i] - arcs) / step
+    r = 1 - t
+    weights = r * r * (1 + 2 * t), t * t * (1 + 2 * r), -step * t * r * r, step * t * t * r
+    along, across = (
+        weights[0] * place[i]
+        + weights[1] * place[i + 1]
+        + weights[2] * tangent[i]
+        + weights[3] * tangent[i + 1]
+        for place, tangent in ((lever - nodes[U], cosine), (nodes[P] - height, -slope * cosine))
+    )
+    turn = angle + float(turn_of(bent, q).value)
+    sine, cosine, k = math.sin(turn), math.cos(turn), len(q) - POSE
+    x, y = along * cosine - across * sine, along * sine + across * cosine
+    return np.column_stack([x + q[k + DX], y + q[k + DY]])
 
-    Beyond the contact the beam has its curvature at rest, so that its tangent turns by the
-    difference of the slopes of the line at rest, whose bow is the part `at_rest` of p.
+
+def with_gradient(
+    beam: Beam, bent: BentBeam, q: Floats, used: Mask, of: Callable[[BentBeam, Floats], Floats]
+) -> Quantity:
+    """Compute places (n, 2) and their gradient (n, 2, k + 5) by the parameters `used` (k + 5,).
+
+    The other parameters have the gradient 0.
     """
-    values, gradients, k = bent.contacts[0], bent.by_contacts[0], len(bent.by_moment)
-    bow = p[at_rest]
-    powers = np.arange(len(bow)) + 2.0
-    span = 1 - p[S_C]
-    places = p[S_C] + span * (1 + _NODES) / 2
-    slopes = powers * places[:, None] ** (powers - 1) - powers * p[S_C] ** (powers - 1)
-    angles = values[1] + slopes @ bow
-    tangents = np.column_stack([np.cos(angles), np.sin(angles)])
-    normals = np.column_stack([-np.sin(angles), np.cos(angles)])
-    weights = span * _WEIGHTS / 2
-    by_angle = np.zeros((len(angles), k)) + gradients[1]
-    by_angle[:, at_rest] += slopes
-    # Derivative by the lower limit, at which the angle is that of the contact.
-    curvature = powers * (powers - 1) * p[S_C] ** (powers - 2) @ bow
-    by_angle[:, S_C] -= curvature
-    gradient = gradients[2:4] + (weights[:, None] * normals).T @ by_angle
-    gradient[:, S_C] -= [np.cos(values[1]), np.sin(values[1])]
-    # The places of the nodes move with the limit; the integral does not depend on them.
-    return _turned(bent, p, values[2:4] + weights @ tangents, gradient)
-
-
-def _turned(bent: BentBeam, p: Floats, place: Floats, by_shape: Floats) -> Quantity:
-    """Rotate a place (2,) from the clamp's tangent to plane C."""
-    turn = turn_of(bent, p)
-    rotation = turn_about_z(float(turn.value))[:2, :2]
-    gradient = np.zeros((2, len(p)))
-    gradient[:, : len(bent.by_moment)] = rotation @ by_shape
-    turned = rotation @ place
-    gradient += np.array([-turned[1], turned[0]])[:, None] * turn.gradient
-    return Quantity(turned, gradient)
+    value = of(bent, q)
+    gradient = np.zeros((*value.shape, len(q)))
+    for i in np.flatnonzero(used):
+        moved = q.copy()
+        moved[i] += _STEP
+        shape = beam.bent(moved[:-POSE])
+        if shape is not None:
+            gradient[:, :, i] = (of(shape, moved) - value) / _STEP
+    return Quantity(value, gradient)

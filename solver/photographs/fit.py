@@ -1,8 +1,9 @@
 """Fit photographs of one beam jointly: starts, outliers, photographs that fit no single load.
 
 Each photograph is first fitted by itself. In the joint fit Tukey's biweight, at the scale of each
-photograph's residuals, rejects points; the fit of the others is least squares. Residuals that are
-larger than stated, or correlated along the beam, widen the covariance.
+photograph's residuals, rejects points; the fit of the others is least squares. The sigmas of points
+contain the correlation of neighbours, so that their scatter alone says nothing about the fit: the
+misfit is that of means over the correlation length of the residuals.
 """
 
 import math
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.stats import theilslopes
 
 from solver.core.correlation import correlation_length
 from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows, information_of
@@ -18,8 +20,8 @@ from solver.core.robust import MEDIAN, tukey
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.medians import TUKEY_CUT
-from solver.photographs.joint import PhotosProblem
-from solver.photographs.photo_set import PhotoSet
+from solver.photographs.joint import LEAST_LOAD, PhotosProblem
+from solver.photographs.photo_set import Photograph, PhotoSet, Stated
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
 from solver.photographs.problem import PhotoProblem
 from solver.photographs.starts import side_of, starts_of
@@ -33,9 +35,18 @@ _REWEIGHTINGS: Final = 4
 # Least scale of residuals that are smaller than stated. Chosen: sigmas that contain a correlation
 # are up to ten times the scatter.
 _LEAST_SCALE: Final = 0.1
-# Root mean square [sigma] of the residuals of a photograph that fits. Chosen: a wooden beam that is
-# not quite uniform is fitted to five times the scatter of its points, and its sigmas are widened.
+# Misfit of a photograph that fits, over the scale of all. Chosen: a wooden beam is not quite
+# uniform; its sigmas are widened by the misfit.
 MAX_MISFIT: Final = 5.0
+# Shift of the beam's image at its clamp, over its width; it falls to a third in every width along
+# the beam. Chosen: a clamp hides or shades a part of an edge there.
+_CLAMP_BIAS: Final = 0.1
+# Least misfit that is expected. Chosen: with less, a photograph before another background would
+# not fit.
+_LEAST_EXPECTED: Final = 0.5
+# Sigma of the width at the tip over that at the clamp, and of a width [px]. Chosen: a round stick
+# is as uniform, and blur as well as light from one side widen a beam by less.
+_WIDTH_SIGMA, _WIDTH_SIGMA_PX = 0.05, 0.5
 
 
 class Shown(NamedTuple):
@@ -47,19 +58,30 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class PhotoFit:
-    """How one photograph fits: points that were `kept` (n,), their misfit, rms in sigmas.
+    """How one photograph fits: points that were `kept` (n,), and their misfit.
 
-    `inflation` is the factor of the variances of its points.
+    The misfit is the rms, in sigmas, of means of residuals over their correlation length; of these
+    there are `independent`. `scale` is what is expected of it, the median of all photographs, but
+    at most 1: the stated sigmas contain slow errors, which the fit follows.
     """
 
     kept: Mask
     misfit: float
-    inflation: float
+    independent: float
+    scale: float = 1.0
+
+    @property
+    def inflation(self) -> float:
+        """Factor of the variances of the points."""
+        return max(self.misfit, 1.0) ** 2
 
     @property
     def fits(self) -> bool:
         """Whether a beam with a single load has the shape of the points."""
-        return self.misfit <= MAX_MISFIT and (~self.kept).mean() <= THRESHOLDS.max_rejected
+        return (
+            self.misfit <= MAX_MISFIT * self.scale
+            and (~self.kept).mean() <= THRESHOLDS.max_rejected
+        )
 
 
 @dataclass(frozen=True)
@@ -72,24 +94,35 @@ class PhotosFit:
     problem: PhotosProblem
     at: NormalEquations
     covariance: Floats
-    converged: bool
     fits: tuple[PhotoFit, ...]
     prior: Floats
+
+
+class Unfitted(NamedTuple):
+    """Index of the photograph that prevents a joint fit."""
+
+    photo: int
 
 
 def problems_of(photos: PhotoSet, shown: Sequence[Shown]) -> list[PhotoProblem]:
     """Convert photographs to their residuals' data, relative to the middle of the image."""
     length = photos.length.value
+    # A tick's error is the same in all photographs, which is that of their mean.
+    same = math.sqrt(max(sum(len(photo.ticks) > 0 for photo in photos.photographs), 1))
     problems = []
     for photo, (beam, size) in zip(photos.photographs, shown, strict=True):
-        middle = (np.array(size) - 1) / 2
+        centre = principal_point(photo, size)
         problems.append(
             PhotoProblem(
-                points=beam.points - middle,
-                sigmas=beam.normals * beam.sigmas[:, None],
-                clamp=photo.clamp - middle,
-                tip=photo.tip - middle,
-                marks=np.column_stack([photo.marks[:, :2] - middle, photo.marks[:, 2:] / length]),
+                points=beam.points - centre,
+                sigmas=beam.normals * np.hypot(beam.sigmas, _clamp_bias(beam, photo))[:, None],
+                clamp=photo.clamp - centre,
+                tip=photo.tip - centre,
+                marks=np.column_stack([photo.marks[:, :2] - centre, photo.marks[:, 2:] / length]),
+                ticks=np.column_stack([photo.ticks[:, :2] - centre, photo.ticks[:, 2:] / length])
+                * [1, 1, 1, same],
+                tip_seen=not photo.tip_hidden,
+                width_ratio=_width_ratio(beam, photo),
                 # The line may be shifted against all marks.
                 mark_sigma=math.hypot(photos.mark_sigma, beam.shift_sigma),
                 load=photo.load,
@@ -103,15 +136,45 @@ def problems_of(photos: PhotoSet, shown: Sequence[Shown]) -> list[PhotoProblem]:
     return problems
 
 
-def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | None:
-    """Fit photographs of one beam; None if no beam has the shape of one of them."""
+def principal_point(photo: Photograph, size: tuple[int, int]) -> Floats:
+    """Return the principal point (2,) [px] of an image with this width and height."""
+    stated = photo.principal_point
+    return (np.array(size) - 1) / 2 if stated is None else stated
+
+
+def _clamp_bias(beam: TracedBeam, photo: Photograph) -> Floats:
+    """Return sigmas (n,) [px] of the shift of points by shadows and edges of the clamp."""
+    widths = np.linalg.norm(beam.points - photo.clamp, axis=1) / beam.widths
+    return np.asarray(_CLAMP_BIAS * beam.widths * np.exp(-widths))
+
+
+def _width_ratio(beam: TracedBeam, photo: Photograph) -> Stated:
+    """Return the log of the beam's width at the tip over that at the clamp, by Theil and Sen."""
+    chord = photo.tip - photo.clamp
+    along = (beam.points - photo.clamp) @ chord / (chord @ chord)
+    ratio = float(theilslopes(np.log(beam.widths), along).slope)
+    return Stated(ratio, math.hypot(_WIDTH_SIGMA, _WIDTH_SIGMA_PX / float(np.median(beam.widths))))
+
+
+def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | Unfitted:
+    """Fit photographs of one beam, or name the photograph that prevents it."""
     problems = problems_of(photos, shown)
     prior = prior_of(photos, problems, max(math.hypot(*one.size) for one in shown))
     problem = _joint(problems, prior)
-    p = _starts(_coarse(problem, _COARSE[0]))
-    fitted = None if p is None else _from_coarse(problem, p)
+    coarse, p = _coarse(problem, _COARSE[0]), problem.mean.copy()
+    # Photographs at rest come first: loads are compared with their bow.
+    for i in sorted(range(len(problems)), key=lambda i: problems[i].load is not None):
+        start = _start(coarse, i, p)
+        if start is None:
+            return Unfitted(i)
+        p[problem.columns(i)] = start
+    p = _with_known_forces(problem, p)
+    for error in _COARSE:
+        near = _coarse(problem, error).minimised(p)
+        p = p if near is None else near.at.p
+    fitted = problem.minimised(p)
     if fitted is None:
-        return None
+        return _unfitted(problem, p)
     weights = _reweighted(problem, fitted.at).weights
     for _ in range(_REWEIGHTINGS):
         if all((one > 0).all() for one in weights):  # no outliers
@@ -119,22 +182,49 @@ def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | None:
         fitted = replace(problem, weights=weights).minimised(fitted.at.p) or fitted
         weights = _reweighted(problem, fitted.at).weights
     fits = tuple(map(_photo_fit, problems, fitted.at.rows, weights))
+    scale = float(np.clip(np.median([one.misfit for one in fits]), _LEAST_EXPECTED, 1))
+    fits = tuple(replace(one, scale=scale) for one in fits)
     final = replace(problem, weights=tuple(one.kept / one.inflation for one in fits))
-    last = final.minimised(fitted.at.p) or fitted
-    errors = last.at.covariance()
-    if errors is None:
-        return None
+    last = final.minimised(fitted.at.p)
+    # A bound stops an estimate, but not its error.
+    of_all = final.equations(last.at.p) if last and last.status == CONVERGED else None
+    errors = of_all.covariance() if of_all else None
+    if last is None or errors is None:
+        return _unfitted(problem, fitted.at.p)
     sigmas = np.where(prior.open, np.inf, np.sqrt(np.diag(prior.covariance)))
-    return PhotosFit(final, last.at, errors, last.status == CONVERGED, fits, sigmas)
+    return PhotosFit(final, last.at, errors, fits, sigmas)
 
 
-def _from_coarse(problem: PhotosProblem, p: Floats) -> Minimum | None:
-    fitted = None
-    for error in (*_COARSE, 0.0):
-        fitted = _coarse(problem, error).minimised(p if fitted is None else fitted.at.p)
-        if fitted is None:
-            break
-    return fitted
+def load_gain(fit: PhotosFit, photo: int) -> float:
+    """Return how much larger the least sum of squares is without the load of a photograph.
+
+    Bow, sag, clamp, lens and views then explain its bend. Without a load it has the distribution of
+    chi2 with two degrees of freedom.
+    """
+    problem, own = fit.problem, fit.problem.photos[photo]
+    columns, start = problem.columns(photo), fit.at.p.copy()
+    of_load = [columns[i] for i in own.parameters.indices("q", "s_c", "friction_ratio")]
+    start[of_load] = problem.mean[of_load]
+    photos = tuple(
+        replace(one, load=None) if i == photo else one for i, one in enumerate(problem.photos)
+    )
+    without = replace(problem, photos=photos, free=np.setdiff1d(problem.free, of_load))
+    least = without.minimised(start)
+    if least is not None and least.status == CONVERGED:
+        return float(least.at.objective - fit.at.objective)
+    # What the linear model expects.
+    load = of_load[0]
+    return float(fit.at.p[load] ** 2 / fit.covariance[load, load])
+
+
+def _unfitted(problem: PhotosProblem, p: Floats) -> Unfitted:
+    """Return the photograph whose points are farthest from the beam with the parameters p (p,)."""
+    squares = []
+    for i, photo in enumerate(problem.photos):
+        rows = photo.rows(p[problem.columns(i)])
+        residual = np.array([np.inf]) if rows is None else rows.residual[: len(photo.points)]
+        squares.append(float((residual**2).mean()))
+    return Unfitted(squares.index(max(squares)))
 
 
 def _joint(problems: Sequence[PhotoProblem], prior: Prior) -> PhotosProblem:
@@ -157,27 +247,19 @@ def _coarse(problem: PhotosProblem, error: float) -> PhotosProblem:
     return replace(problem, weights=tuple(weights))
 
 
-def _starts(problem: PhotosProblem) -> Floats | None:
-    """Return all parameters (p,), each photograph's fitted by itself."""
-    start = problem.mean.copy()
-    for i in range(len(problem.photos)):
-        columns = problem.columns(i)
-        own = _start(problem, i, problem.mean[columns])
-        if own is None:
-            return None
-        start[columns[problem.shared :]] = own
-    start[problem.parameters["rigidity"]] = _rigidity(problem, start)
-    return start
+def _start(problem: PhotosProblem, photo: int, p: Floats) -> Floats | None:
+    """Fit one photograph by itself, from p (p,); return the shared parameters and its own.
 
-
-def _start(problem: PhotosProblem, photo: int, mean: Floats) -> Floats | None:
-    """Fit one photograph with the shared parameters of the prior; return its own (10,)."""
+    The shared ones are fixed, but for the bow of a photograph at rest.
+    """
     own, shared = problem.photos[photo], problem.shared
     place = own.load.place.value / own.length if own.load and own.load.place else None
     columns = np.array(problem.columns(photo))
+    mean = problem.mean[columns]
     # The scale of the forces is unknown until a load is.
     alone = replace(own, load=replace(own.load, force=None) if own.load else None)
-    free = [i for i in range(shared, len(mean)) if columns[i] in problem.free]
+    bow = own.parameters.indices("bow") if own.load is None else []
+    free = [i for i in (*bow, *range(shared, len(mean))) if columns[i] in problem.free]
     single = PhotosProblem(
         photos=(alone,),
         mean=mean,
@@ -187,24 +269,28 @@ def _start(problem: PhotosProblem, photo: int, mean: Floats) -> Floats | None:
     )
     best: Minimum | None = None
     for start in starts_of(own.points, own.clamp, own.tip, own.side, place, own.load is not None):
-        p = mean.copy()
-        p[shared:] = start
-        fitted = single.minimised(p)
+        fitted = single.minimised(np.append(p[:shared], start))
         if fitted and (best is None or fitted.at.objective < best.at.objective):
             best = fitted
-    return None if best is None else best.at.p[shared:]
+    return None if best is None else best.at.p
 
 
-def _rigidity(problem: PhotosProblem, start: Floats) -> float:
-    """Return the log of EI over its nominal value that the known forces give; the median."""
-    ratios = []
+def _with_known_forces(problem: PhotosProblem, start: Floats) -> Floats:
+    """Return the start (p,) with EI from the known force that bends most, and loads from EI."""
+    p, rigidity = start.copy(), problem.parameters["rigidity"]
+    loads = {}
     for i, photo in enumerate(problem.photos):
-        p = start[problem.columns(i)]
-        bent = photo.bent(p) if photo.load and photo.load.force else None
+        own = start[problem.columns(i)]
+        bent = photo.bent(own) if photo.load and photo.load.force else None
         if bent and photo.load and photo.load.force:
-            ratios.append(math.log(photo.load.force.value / photo.force(p, bent)[0]))
-    free = problem.parameters["rigidity"] in problem.free
-    return float(np.median(ratios)) if ratios and free else 0.0
+            column = problem.columns(i)[photo.parameters["q"]]
+            loads[column] = photo.load.force.value / photo.force(own, bent)[0] * start[column]
+    if loads and rigidity in problem.free:
+        most = max(loads, key=lambda column: start[column])
+        p[rigidity] = math.log(loads[most] / start[most])
+    for column, load in loads.items():
+        p[column] = max(load / math.exp(p[rigidity]), LEAST_LOAD)
+    return p
 
 
 def _scale(points: Floats) -> float:
@@ -232,6 +318,6 @@ def _weights(points: Floats) -> Floats:
 def _photo_fit(photo: PhotoProblem, rows: Rows, weights: Floats) -> PhotoFit:
     kept = weights > 0
     points = rows.residual[: len(photo.points)][kept]
-    square = float((points**2).mean())
-    inflation = max(square * correlation_length(points), 1.0)
-    return PhotoFit(kept, math.sqrt(square), inflation)
+    correlated = correlation_length(points)
+    misfit = math.sqrt(float((points**2).mean()) * correlated)
+    return PhotoFit(kept, misfit, len(points) / correlated)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from solver.core.least_squares import (
     minimise,
     normal_equations,
 )
+from solver.core.normal_equations import scaled_step
 from solver.core.parameters import Parameters
 from solver.instrument.arrays import Floats
 from solver.photographs.problem import OWN, PhotoProblem, shared_parameters
@@ -22,6 +23,16 @@ _STEP_SIGMAS: Final = 0.01
 # Places of a load that a step may lead to, over the length. Chosen: a load at the tip may have an
 # estimate beyond it, and the curve ends at 1.05.
 _PLACES: Final = (0.01, 1.045)
+# Least load, over EI / L^2. Chosen: it bends the tip by a thirtieth of a thousandth of the length,
+# less than a pixel.
+LEAST_LOAD: Final = 1e-4
+
+
+class Bounds(NamedTuple):
+    """Least and largest parameters, (p,) each."""
+
+    low: Floats
+    high: Floats
 
 
 @dataclass(frozen=True)
@@ -58,7 +69,36 @@ class PhotosProblem:
         """Fit from `start` (p,); None if no beam or no view has its parameters."""
         return minimise(self._system, start, self._moved, step_sigmas=_STEP_SIGMAS)
 
+    @cached_property
+    def bounds(self) -> Bounds:
+        """Least and largest parameters, (p,) each: of a load and its place, infinite else."""
+        low, high = np.full(len(self.mean), -np.inf), np.full(len(self.mean), np.inf)
+        for i, photo in enumerate(self.photos):
+            load, place = (self.columns(i)[photo.parameters[name]] for name in ("q", "s_c"))
+            low[place], high[place] = _PLACES
+            if photo.load:
+                low[load] = LEAST_LOAD
+        return Bounds(low, high)
+
     def _system(self, p: Floats) -> NormalEquations | None:
+        """Compute the normal equations of the parameters that no bound stops."""
+        of_all = self.equations(p)
+        if of_all is None:
+            return None
+        low, high = (bound[self.free] for bound in self.bounds)
+        at, gradient = p[self.free], of_all.gradient
+        kept = np.flatnonzero(~((at <= low) & (gradient > 0) | (at >= high) & (gradient < 0)))
+        if len(kept) == len(gradient):
+            return of_all
+        gradient, newton = gradient[kept], np.empty(len(kept))
+        normal = np.ascontiguousarray(of_all.normal[np.ix_(kept, kept)])
+        length = scaled_step(normal, gradient, 0.0, newton)
+        return of_all._replace(
+            free=self.free[kept], gradient=gradient, normal=normal, newton=newton, length=length
+        )
+
+    def equations(self, p: Floats) -> NormalEquations | None:
+        """Compute the normal equations at p (p,); None if no beam or no view has it."""
         blocks = []
         for i, (photo, weights) in enumerate(zip(self.photos, self.weights, strict=True)):
             columns = np.array(self.columns(i))
@@ -73,14 +113,20 @@ class PhotosProblem:
         return normal_equations(p, self.free, self.mean, self.information, tuple(blocks))
 
     def _moved(self, p: Floats, step: Floats) -> Floats:
-        """Return the parameters (p,) after a step (p,), in which loads stay on the beam."""
+        """Return the parameters (p,) after a step (p,), in which loads stay on the beam.
+
+        EI, length and focal length change by a factor of e at most.
+        """
+        scales = self.parameters.indices("rigidity", "length", "focal")
         moved = p + step
+        moved[scales] = np.clip(moved[scales], p[scales] - 1, p[scales] + 1)
         for i, photo in enumerate(self.photos):
             columns, own = np.array(self.columns(i)), self.shared
-            q, place = columns[photo.parameters["q"]], columns[photo.parameters["s_c"]]
-            # A load stays positive, and at most doubles.
-            moved[q] = np.clip(moved[q], p[q] / 10, 2 * p[q])
-            moved[place] = np.clip(moved[place], *_PLACES)
+            if photo.load:
+                # A load at most doubles.
+                load = columns[photo.parameters["q"]]
+                moved[load] = np.clip(moved[load], p[load] / 10, 2 * p[load])
             with np.errstate(all="ignore"):
-                moved[columns[own:]] = photo.moved(p[columns], (moved - p)[columns])[own:]
+                stopped = np.clip(moved, *self.bounds)
+                moved[columns[own:]] = photo.moved(p[columns], (stopped - p)[columns])[own:]
         return moved

@@ -1,4 +1,4 @@
-"""Sentences on what cannot be known from photographs, and on what contradicts them."""
+"""Sentences on what cannot be known from photographs."""
 
 import math
 from collections.abc import Sequence
@@ -15,16 +15,10 @@ from solver.photographs.photo_set import PhotoSet
 _UNDETERMINED: Final = 0.9
 # Marks that determine the view of a plane. Derived: it has eight unknown numbers.
 _MARKS: Final = 4
-# A stated number or a mark that is off by more sigmas. Derived: noise exceeds it once in a million.
-_CONFLICT: Final = 5.0
-# Logarithms among the shared parameters by which forces are scaled, and what they are called.
-_SCALES: Final = {"rigidity": "the flexural rigidity", "length": "the length of the beam"}
 
-
-# On real photographs with known loads, no force was right so far.
 TESTED: Final = (
-    "These sigmas were tested in rendered photographs only: compare a force with a known one, such "
-    "as a weighed mass, before you trust the others."
+    "These sigmas were tested in rendered photographs, and in one set of real ones only: compare a "
+    "force with a known one, such as a weighed mass, before you trust the others."
 )
 
 
@@ -34,7 +28,6 @@ def notes_of(fit: PhotosFit, photos: PhotoSet, answers: Sequence[PhotoAnswer]) -
         *_of_forces(fit, photos),
         *_of_views(photos, answers),
         *_of_shared(fit, photos),
-        *_of_conflicts(fit, photos),
         TESTED,
     ]
 
@@ -88,6 +81,7 @@ def _of_shared(fit: PhotosFit, photos: PhotoSet) -> list[str]:
         at["focal"]: "focal length",
         at["k1"]: "lens distortion k1",
         at["softness"]: "softness of the clamp",
+        at["clamp_shift"]: "place where the beam begins to bend",
     }
     names |= {width: f"width coefficient {i}" for i, width in enumerate(at.indices("widths"))}
     sigmas = np.sqrt(np.diag(fit.covariance))
@@ -100,44 +94,7 @@ def _of_shared(fit: PhotosFit, photos: PhotoSet) -> list[str]:
         )
     if all(photo.load for photo in photos.photographs) and not len(photos.shape.bow):
         sentences.append(
-            "No photograph shows the beam at rest: its bow is an assumption, and a part of every "
-            "load's bending."
+            "No photograph shows the beam at rest: bow and sag are an assumption "
+            "(beam_shape.bow_sigma_mm), and a part of every load's bending."
         )
     return sentences
-
-
-def _of_conflicts(fit: PhotosFit, photos: PhotoSet) -> list[str]:
-    """Name stated forces, places and marks that are far from what the photographs show."""
-    sentences = []
-    for photo, rows, problem in zip(
-        photos.photographs, fit.at.rows, fit.problem.photos, strict=True
-    ):
-        stated = rows.residual[len(problem.points) :]
-        pixels = np.hypot(*stated[: 2 * (2 + len(photo.marks))].reshape(-1, 2).T)
-        labels = ["clamp_px", "tip_px", *(f"marks.{i}" for i in range(len(photo.marks)))]
-        if photo.load and photo.load.force:
-            labels.append("load.force_n")
-        if photo.load and photo.load.place:
-            labels.append("load.at_mm")
-        off = [*pixels, *np.abs(stated[2 * (2 + len(photo.marks)) :])]
-        sentences += [
-            f"{photo.path.name}: {label} is {sigmas:.0f} sigma from what the photographs show."
-            for label, sigmas in zip(labels, off, strict=True)
-            if sigmas > _CONFLICT
-        ]
-    return sentences
-
-
-def contradicted_statement(fit: PhotosFit) -> str:
-    """Return how the photographs contradict the stated EI or length, or ""."""
-    difference = fit.at.p - fit.problem.mean
-    away = np.abs(difference) * np.sqrt(np.diag(fit.problem.information))
-    name = max(_SCALES, key=lambda name: float(away[fit.problem.parameters[name]]))
-    index = fit.problem.parameters[name]
-    if away[index] < _CONFLICT:
-        return ""
-    ratio = math.exp(float(difference[index]))
-    return (
-        f"{_SCALES[name]} would be {ratio:.2g} times what is stated, {away[index]:.0f} sigmas "
-        "off: correct it, or the loads of the photographs"
-    )

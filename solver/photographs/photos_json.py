@@ -15,6 +15,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE, unit_of
 from solver.photographs.photo_set import (
     DOWN_SIGMA,
     KINDS,
+    LENS,
     MARK_SIGMA,
     TILT_SIGMA,
     VIEW_SIGMA,
@@ -29,6 +30,8 @@ FILE: Final = "photos.json"
 # Chosen: the joint fit of 200 photographs takes minutes.
 MOST_PHOTOS: Final = 200
 _MOST_MARKS: Final = 100
+# Marks that give a photograph without a tip a scale.
+_LEAST_MARKS: Final = 2
 # Chosen far beyond any image and any load; only mistakes in typing are rejected.
 _PIXELS: Final = (-1e5, 1e5)
 _FOCAL_PX: Final = (10.0, 1e6)
@@ -65,6 +68,7 @@ def read_photos(folder: Path) -> PhotoSet:
         focal=_stated(key, "camera.focal_length", "px", *_FOCAL_PX)
         if key.has("camera.focal_length_px")
         else None,
+        k1=_k1(key),
         view_sigma=_angle(key, "camera.view_sigma_deg", 45, VIEW_SIGMA),
         mark_sigma=key.number("mark_sigma_px", *_MARK_SIGMAS_PX)
         if key.has("mark_sigma_px")
@@ -101,15 +105,29 @@ def _down(key: Keys, hung: bool) -> Stated:
     return Stated(down, _angle(key, "down_sigma_deg", 45, DOWN_SIGMA))
 
 
+def _k1(key: Keys) -> Stated:
+    if not (key.has("camera.k1") or key.has("camera.k1_sigma")):
+        return LENS
+    return Stated(key.number("camera.k1", -1, 1), key.number("camera.k1_sigma", 0, 1))
+
+
 def _photograph(key: Keys, name: str, folder: Path, length: float) -> Photograph:
     clamp, tip = (key.pair(f"{name}.{end}_px", *_PIXELS) for end in ("clamp", "tip"))
     if np.hypot(*(tip - clamp)) < _LEAST_LENGTH_PX:
         key.refuse(f"{name}.tip_px", f"a point at least {_LEAST_LENGTH_PX:g} px from clamp_px")
+    marks, ticks = _marks(key, f"{name}.marks"), _ticks(key, f"{name}.ticks", length)
+    hidden = key.has(f"{name}.tip_hidden") and key.flag(f"{name}.tip_hidden")
+    if hidden and len(marks) < _LEAST_MARKS and not len(ticks):
+        key.refuse(f"{name}.tip_hidden", "false without a tick or two marks: nothing has a scale")
+    principal = f"{name}.principal_point_px"
     return Photograph(
         path=folder / key.file_name(f"{name}.file"),
         clamp=clamp,
         tip=tip,
-        marks=_marks(key, f"{name}.marks"),
+        marks=marks,
+        ticks=ticks,
+        tip_hidden=hidden,
+        principal_point=key.pair(principal, *_PIXELS) if key.has(principal) else None,
         load=_load(key, f"{name}.load", length) if key.has(f"{name}.load") else None,
     )
 
@@ -123,6 +141,19 @@ def _marks(key: Keys, name: str) -> Floats:
             key.pair(f"{mark}.mm", -MAX_POSITION_MM, MAX_POSITION_MM) * MILLIMETRE,
         )
         for mark in key.items(name, 1, _MOST_MARKS)
+    ]
+    return np.array(rows)
+
+
+def _ticks(key: Keys, name: str, length: float) -> Floats:
+    if not key.has(name):
+        return np.zeros((0, 4))
+    rows = [
+        np.append(
+            key.pair(f"{tick}.px", *_PIXELS),
+            _stated(key, f"{tick}.at", "mm", 0, length / MILLIMETRE),
+        )
+        for tick in key.items(name, 1, _MOST_MARKS)
     ]
     return np.array(rows)
 

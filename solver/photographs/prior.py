@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
-from solver.instrument.beam_shape import FIRST_WIDTH, SOFTNESS
+from solver.instrument.beam_shape import BOW, CLAMP_SHIFT, FIRST_WIDTH, SOFTNESS
 from solver.photographs.photo_set import PhotoSet, Stated
 from solver.photographs.problem import OWN, PhotoProblem, shared_parameters
 from solver.photographs.view import VIEW_A, VIEW_B
@@ -15,10 +15,12 @@ from solver.photographs.view import VIEW_A, VIEW_B
 # Focal length over the image's diagonal, and its relative sigma. Chosen: from the wide to the
 # narrow camera of a telephone, and cameras with a lens of 28 to 50 mm for the 35 mm format.
 _FOCAL: Final = Stated(0.75, 0.25)
-# Chosen: 4 % of the radius in the corner of a wide image; telephones correct most of it.
-_K1_SIGMA: Final = 0.1
-# Each coefficient of the bow. Chosen: the tip of a beam of 400 mm is 8 mm off its tangent.
-_BOW_SIGMA: Final = 0.02
+# Bow and sag of a beam of which neither is stated: each coefficient of the bow, and the sag of the
+# tip under the own weight, over the length. Chosen: the tip of a beam of 400 mm is 8 mm off its
+# tangent, and a thin one sags by 40 mm. Photographs at rest determine both.
+_BOW_SIGMA, _SAG_SIGMA = 0.02, 0.1
+# Line of a uniform beam under its own weight, of which the tip sags by 1: 2 s^2 - 4/3 s^3 + s^4/3.
+_SAG: Final = np.array([2.0, -4 / 3, 1 / 3])
 # Place of the load over the length. Chosen: it is on the beam.
 _PLACE: Final = Stated(0.5, 1.0)
 
@@ -45,6 +47,16 @@ def focal_of(photos: PhotoSet, diagonal: float) -> Stated:
     return photos.focal or assumed
 
 
+def line_at_rest(bow_sigma: float) -> Floats:
+    """Return the covariance (3, 3) of a bow whose tip has this sigma, over the length.
+
+    Infinite, it is that of an assumed bow and an assumed sag under the own weight.
+    """
+    if math.isfinite(bow_sigma):
+        return np.eye(BOW) * bow_sigma**2 / BOW
+    return np.eye(BOW) * _BOW_SIGMA**2 + np.outer(_SAG, _SAG) * _SAG_SIGMA**2
+
+
 def prior_of(photos: PhotoSet, problems: Sequence[PhotoProblem], diagonal: float) -> Prior:
     """Return the prior of the shared parameters and of those of each photograph.
 
@@ -54,26 +66,31 @@ def prior_of(photos: PhotoSet, problems: Sequence[PhotoProblem], diagonal: float
     size = len(at) + len(OWN) * len(problems)
     mean, covariance, open_ = np.zeros(size), np.zeros((size, size)), np.zeros(size, np.bool_)
     focal = focal_of(photos, diagonal)
-    mean[at["focal"]] = math.log(focal.value)
+    mean[at["focal"]], mean[at["k1"]] = math.log(focal.value), photos.k1.value
     sigmas = {
         "rigidity": photos.rigidity.sigma / photos.rigidity.value if photos.rigidity else 0.0,
-        "length": photos.length.sigma / photos.length.value,
         "down": photos.down.sigma,
         "focal": focal.sigma / focal.value,
-        "k1": _K1_SIGMA,
+        "k1": photos.k1.sigma,
     }
     for name, sigma in sigmas.items():
         covariance[at[name], at[name]] = sigma**2
     known = any(problem.load and problem.load.force for problem in problems)
     open_[at["rigidity"]] = photos.rigidity is None and known
     # The marks locate the clamp, and the loads' plane is that of the image.
-    used = [SOFTNESS, *range(FIRST_WIDTH, len(shape.covariance))]
-    rows = at.indices("softness", "widths", "bow")[: len(used)]
-    mean[rows] = [shape.softness, *shape.widths, *shape.bow]
+    used = [SOFTNESS, CLAMP_SHIFT, *range(FIRST_WIDTH, len(shape.covariance))]
+    rows = at.indices("softness", "clamp_shift", "widths", "bow")[: len(used)]
+    mean[rows] = [shape.softness, shape.clamp_shift, *shape.widths, *shape.bow]
     covariance[np.ix_(rows, rows)] = shape.covariance[np.ix_(used, used)]
+    # The stated length is that from the clamp to the tip.
+    length, shift = at["length"], at["clamp_shift"]
+    mean[length] = -mean[shift]
+    covariance[length] = covariance[:, length] = -covariance[shift]
+    covariance[length, length] = covariance[shift, shift]
+    covariance[length, length] += (photos.length.sigma / photos.length.value) ** 2
     if not len(shape.bow):
-        bow = at.indices("bow")
-        covariance[bow, bow] = _BOW_SIGMA**2
+        bow = at.span("bow")
+        covariance[bow, bow] = line_at_rest(shape.bow_sigma)
     for i, problem in enumerate(problems):
         first = len(at) + len(OWN) * i
         load, place, friction, tilt, view = (first + OWN[name] for name, _ in OWN.blocks)

@@ -8,7 +8,7 @@ import pytest
 from solver.beams.beam import FRICTION_RATIO, POSE, S_C, Q
 from solver.beams.dead_load import friction_ratio_of
 from solver.beams.integrated import IntegratedBeam
-from solver.photographs.bent_beam import contact_place, tip_place
+from solver.photographs.bent_beam import places_on
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.loaded import Load, loaded
 from vbaa_bench.mechanics.rod import Rod
@@ -46,7 +46,6 @@ def test_a_dead_load_bends_the_world_s_rod_as_the_antenna_s(
     x, y, _ = world.forces[0]
     # The integrators differ by a millionth of the length.
     assert math.atan2(y, x) == pytest.approx(direction, abs=3e-6)
-    contact = contact_place(shape, p).value
-    tip = tip_place(shape, p, beam.parameters.span("bow")).value
+    contact, tip = places_on(shape, p, np.array([place, 1.0]))
     assert contact * length == pytest.approx(world.points[0, :2], abs=2e-6 * length)
     assert tip * length == pytest.approx(world.centreline[-1, 1:3], abs=4e-6 * length)

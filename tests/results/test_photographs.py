@@ -12,7 +12,9 @@ from results.photographs.draw import RigDraw, draw_rig
 from results.photographs.measure import Solved, compare, record, solve
 from results.photographs.page import lines, markdown, picture, records
 from results.photographs.picture import Shot, rendered
+from results.photographs.skewers import DEVELOPMENT, HELD_OUT, Asked, document, table
 from solver.instrument.arrays import Floats
+from solver.photographs.photos_json import FILE, read_photos
 from vbaa_bench.render.variant import PLAIN, activate
 
 # A rig whose beam is wide enough for a tenth of the image's size: of spruce, on a dark table.
@@ -176,3 +178,18 @@ def replace_estimate(
     return one._replace(
         force_estimate_n=force, force_sigma_n=force_sigma, s_c_estimate_mm=s, s_c_sigma_mm=sigma
     )
+
+
+def test_the_marks_of_real_photographs_state_one_force(tmp_path: Path) -> None:
+    skewers = DEVELOPMENT | HELD_OUT
+    for places in (True, False):
+        stated = document(skewers, "9V_7in", places=places)
+        (tmp_path / FILE).write_text(json.dumps(stated), encoding="utf-8")
+        photos = read_photos(tmp_path).photographs
+        assert len(photos) == 6
+        loads = [photo.load for photo in photos if photo.load]
+        assert [load.force is not None for load in loads].count(True) == 1
+        assert [load.place is not None for load in loads].count(True) == (6 if places else 1)
+        assert all(len(photo.ticks) >= 2 for photo in photos)
+    unanswered = Asked(6, "9V_7in", "asked", "D_7in", 1.354, None, None, "not identifiable")
+    assert "| D_7in | 1.35 |  |  | not identifiable |" in table([unanswered])

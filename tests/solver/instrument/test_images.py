@@ -77,6 +77,13 @@ def test_a_channel_of_a_colour_image() -> None:
     assert to_grey(image[:, :, 0], "x", "r") is not None  # what is gray already stays as it is
 
 
+def test_a_telephone_s_heic_image_has_a_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "IMG_1.HEIC"
+    path.write_bytes(b"\x00\x00\x00\x20ftypheic\x00\x00\x00\x00")
+    with pytest.raises(InputError, match=r"heif-convert -q 95 'IMG_1.HEIC' 'IMG_1.jpg'"):
+        read_grey(path)
+
+
 def test_what_is_neither_gray_nor_colour_is_refused() -> None:
     with pytest.raises(InputError, match=r"x: has shape \(3, 3\) and type float64"):
         to_grey(np.zeros((3, 3)), "x")

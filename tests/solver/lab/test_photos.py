@@ -83,7 +83,7 @@ def test_photographs_give_a_table_a_page_and_json(
     assert rigidity == pytest.approx(1e6 * BEAM.rigidity, rel=0.03)
     assert all(math.isfinite(value) for value in document["shared"].values())
     assert isinstance(document["cannot_be_known"], list)
-    assert "in rendered photographs only" in document["cannot_be_known"][-1]
+    assert "in rendered photographs" in document["cannot_be_known"][-1]
     text = page.read_text(encoding="utf-8")
     assert text.count("<figure>") == 3
     assert "data:image/jpeg;base64," in text
@@ -98,6 +98,7 @@ def test_mistakes_are_named(folder: Path, capfd: pytest.CaptureFixture[str]) -> 
     command = CommandLine(main, capfd)
     cv2.imwrite(str(folder / "1.png"), np.zeros((50, 60), np.uint8))
     assert "allowed is the size of" in command.refused("photos", folder)
+    assert "a crop with principal_point_px" in command.refused("photos", folder)
     (folder / "1.png").unlink()
     assert "1.png" in command.refused("photos", folder)
     (folder / "photos.json").write_text("[]", encoding="utf-8")

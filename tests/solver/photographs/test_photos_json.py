@@ -12,7 +12,7 @@ import pytest
 
 from solver.instrument.beam_shape import SECTION_SIGMA
 from solver.instrument.errors import InputError
-from solver.photographs.photo_set import PhotoLoad, Stated
+from solver.photographs.photo_set import LENS, PhotoLoad, Stated
 from solver.photographs.photos_json import FILE, read_photos
 
 DOCUMENT: dict[str, Any] = {
@@ -24,7 +24,13 @@ DOCUMENT: dict[str, Any] = {
     },
     "beam_shape": {"taper_sigma": 0.02, "clamp_softness_sigma": 0.01},
     "channel": "lab_b",
-    "camera": {"focal_length_px": 3000, "focal_length_sigma_px": 300, "view_sigma_deg": 4},
+    "camera": {
+        "focal_length_px": 3000,
+        "focal_length_sigma_px": 300,
+        "view_sigma_deg": 4,
+        "k1": -0.01,
+        "k1_sigma": 0.02,
+    },
     "mark_sigma_px": 1.5,
     "down_deg": -90,
     "down_sigma_deg": 1,
@@ -36,6 +42,9 @@ DOCUMENT: dict[str, Any] = {
             "clamp_px": [800.0, 1400.0],
             "tip_px": [3500.0, 1700.0],
             "marks": [{"px": [10, 20], "mm": [0, -60]}],
+            "ticks": [{"px": [2000, 1500], "at_mm": 200, "at_sigma_mm": 1}],
+            "tip_hidden": True,
+            "principal_point_px": [2016, 900.5],
             "load": {
                 "kind": "weight",
                 "force_n": 1.2,
@@ -65,6 +74,12 @@ def test_everything_stated_is_read_in_si_units(tmp_path: Path) -> None:
     assert photos.length == pytest.approx((0.4, 5e-4))
     assert photos.rigidity == pytest.approx((0.05, 0.01))
     assert photos.focal == (3000.0, 300.0)
+    assert photos.k1 == (-0.01, 0.02)
+    assert loaded.ticks == pytest.approx(np.array([[2000, 1500, 0.2, 0.001]]))
+    assert (rest.tip_hidden, loaded.tip_hidden) == (False, True)
+    assert rest.principal_point is None
+    assert loaded.principal_point is not None
+    assert np.array_equal(loaded.principal_point, [2016, 900.5])
     angles = [*photos.down, photos.view_sigma, photos.tilt_sigma]
     assert angles == pytest.approx(np.radians([-90, 1, 4, 2]))
     assert (photos.mark_sigma, photos.channel) == (1.5, "lab_b")
@@ -76,6 +91,7 @@ def test_what_is_not_stated_has_a_default(tmp_path: Path) -> None:
     photos = read_photos(written(tmp_path, document))
     assert photos.rigidity is None
     assert photos.focal is None
+    assert photos.k1 == LENS
     assert photos.channel == "all"
     assert photos.view_sigma == pytest.approx(math.radians(5))
     assert photos.shape.section_sigma == SECTION_SIGMA
@@ -114,6 +130,9 @@ def _mistake(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
         (lambda d: d.update(down_deg=5), "across the beam"),
         (lambda d: d.pop("down_deg"), "the key down_deg is missing"),
         (lambda d: d.update(mark_sigma_px=0), "mark_sigma_px is 0"),
+        (lambda d: d["camera"].pop("k1"), "camera.k1 is missing"),
+        (lambda d: d["photos"][1].pop("ticks"), "tip_hidden is True, allowed is false without"),
+        (lambda d: d["photos"][1]["ticks"][0].update(at_mm=401), "a number from 0 to 400"),
     ],
 )
 def test_a_mistake_gets_one_sentence(
