@@ -56,8 +56,8 @@ class Video:
             if not ok:
                 break
             seconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-            grey = to_channels(image, self._name, self._channel)
-            yield Shot(str(number), number, grey, time.perf_counter(), seconds=seconds)
+            pixels = to_channels(image, self._name, self._channel)
+            yield Shot(str(number), number, pixels, time.perf_counter(), seconds=seconds)
             number += 1
         self._capture.release()
         if number == 0:
@@ -87,13 +87,13 @@ class Stack:
         whole = self._read(0, len(self)) if self._path.suffix.lower() == ".gif" else None
         for number in range(len(self)):
             pages = self._read(number, 1) if whole is None else whole[number : number + 1]
-            grey, fault = None, f"{self._path}: image {number} cannot be decoded"
+            pixels, fault = None, f"{self._path}: image {number} cannot be decoded"
             if pages:
                 try:
-                    grey, fault = to_channels(pages[0], str(self._path), self._channel), ""
+                    pixels, fault = to_channels(pages[0], str(self._path), self._channel), ""
                 except InputError as error:
                     fault = str(error)
-            yield Shot(str(number), number, grey, time.perf_counter(), fault=fault)
+            yield Shot(str(number), number, pixels, time.perf_counter(), fault=fault)
 
     def _read(self, start: int, count: int) -> list[Any]:
         """Read some of the images, in OpenCV's format; none if they cannot be decoded."""

@@ -119,6 +119,8 @@ class CalibrationReport:
                 f"{self.beam}, width {self.width_px:.2f} px, blur {self.spread_px:.2f} px (sigma), "
                 f"roughness {self.roughness_px:.3f} px"
             )
+        ground = f"{self.ground_images} images without the beam, not used yet"
+        ground = ground if self.ground_images else ""
         rows = (
             ("reprojection RMS", f"{self.reprojection_px:.3f} px"),
             ("focal length", f"{_with_sigma(self.focal, self.focal_sigma)} {focal_unit}"),
@@ -139,13 +141,11 @@ class CalibrationReport:
                 f"variance {self.noise_dark:.3g} + {self.noise_per_gray:.3g} x gray value",
             ),
             ("beam appearance", appearance),
-            ("ground", f"{self.ground_images} images without the beam, not used yet"),
+            ("ground", ground),
             ("expected errors", "" if self.budget is None else self.budget.text),
             ("assessment", self.meaning),
         )
-        absent = {"ground"} if not self.ground_images else set()
-        absent |= {"expected errors"} if self.budget is None else set()
-        shown = (row for row in rows if row[0] not in absent)
+        shown = (row for row in rows if row[1])
         indent = "\n" + 17 * " "
         aligned = ((name, value.replace("\n", indent)) for name, value in shown)
         return "\n".join(f"{name:16} {value}" for name, value in aligned)

@@ -257,7 +257,7 @@ def snap(
     for path, shot in zip(_numbered(out, len(sources)), settled, strict=False):
         prepare_output_path(path, map(Path, sources))
         replaces = path.exists()
-        write(path, png_bytes(shot.grey()))
+        write(path, png_bytes(shot.pixels()))
         console.print(f"{path} {'replaced' if replaces else 'written'}", markup=False)
 
 

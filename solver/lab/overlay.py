@@ -55,7 +55,7 @@ def draw(antenna: Antenna, given: FrameResult) -> Picture:
     object's force on the beam; its length increases with the force and never exceeds a quarter of
     the height. Raises InputError if the shot has no image.
     """
-    image = given.shot.grey()
+    image = given.shot.pixels()
     factor = max(1, round(WIDTH / image.shape[1]))
     picture = _enlarged(image, factor)
     line = given.solved.line

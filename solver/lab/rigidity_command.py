@@ -50,7 +50,7 @@ def rigidity(
     newton = gravity_m_s2 / 1e3
     result = flexural_rigidity(
         [measurement_of(image) for image in observations.read_rest_images()],
-        [measurement_of(shot.grey()) for shot in source],
+        [measurement_of(shot.pixels()) for shot in source],
         HungWeight(
             force=weight_g * newton,
             force_sigma=weight_sigma_g * newton,

@@ -30,8 +30,11 @@ class Shot:
     skipped: int = 0
     fault: str = ""
 
-    def grey(self) -> Grey:
-        """Return the image (height, width). Raises InputError if there is none."""
+    def pixels(self) -> Grey:
+        """Return the image (height, width), or (height, width, 3) of all channels.
+
+        Raises InputError if there is none.
+        """
         if self.image is None:
             raise InputError(self.fault)
         return self.image

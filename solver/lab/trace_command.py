@@ -100,7 +100,7 @@ def _traced(
 ) -> Traced:
     """Trace the beam in one image; without a beam, the message says why."""
     try:
-        image = shot.grey()
+        image = shot.pixels()
         return Traced(shot.name, traced(image, marks[0], marks[1], previous=previous))
     except InputError as error:
         return Traced(shot.name, None, str(error))

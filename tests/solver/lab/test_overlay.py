@@ -116,7 +116,7 @@ def test_what_was_rejected_has_its_own_colour(
 
 def test_sixteen_bits_are_drawn_as_they_look(antenna: Antenna, answered: list[FrameResult]) -> None:
     given = answered[0]
-    deep = replace(given.shot, image=given.shot.grey().astype(np.uint16) * 16)
+    deep = replace(given.shot, image=given.shot.pixels().astype(np.uint16) * 16)
     one, other = draw(antenna, given), draw(antenna, replace(given, shot=deep))
     assert other.dtype == np.uint8
     assert other.max() == 255

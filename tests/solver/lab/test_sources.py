@@ -44,8 +44,8 @@ def test_an_image_that_is_none_is_a_shot_with_its_fault(tmp_path: Path) -> None:
     assert bad.image is None
     assert bad.fault.endswith("text.png: is not an image that can be decoded")
     with pytest.raises(InputError, match=r"text\.png: is not an image"):
-        bad.grey()
-    assert shot.grey().shape == (4, 5)
+        bad.pixels()
+    assert shot.pixels().shape == (4, 5)
     assert not shot.fault
 
 
@@ -94,11 +94,11 @@ def test_a_slow_reader_gets_the_newest_frame_and_is_told_what_it_missed() -> Non
     shots = iter(camera)
     device.show(10)
     first = next(shots)
-    assert (first.number, first.skipped, int(first.grey()[0, 0])) == (0, 0, 10)
+    assert (first.number, first.skipped, int(first.pixels()[0, 0])) == (0, 0, 10)
     device.show(20, 30, 40)
     assert device.all_fetched.wait(10)
     late = next(shots)
-    assert (late.number, late.skipped, int(late.grey()[0, 0])) == (3, 2, 40)
+    assert (late.number, late.skipped, int(late.pixels()[0, 0])) == (3, 2, 40)
     assert late.seconds is not None
     assert first.seconds is not None
     assert late.seconds >= first.seconds > 1.7e9
@@ -125,7 +125,7 @@ def test_a_video_shows_every_frame_with_its_time(tmp_path: Path) -> None:
     shots = list(source)
     assert [shot.number for shot in shots] == [0, 1, 2, 3, 4]
     assert [shot.seconds for shot in shots] == pytest.approx([0, 0.05, 0.1, 0.15, 0.2])
-    assert [int(shot.grey().mean()) for shot in shots] == pytest.approx(
+    assert [int(shot.pixels().mean()) for shot in shots] == pytest.approx(
         [0, 40, 80, 120, 160], abs=1
     )
 
@@ -169,7 +169,7 @@ def test_stills_and_videos_come_as_they_are_stored_whatever_their_tags(tmp_path:
     assert there
     assert shown is not None
     assert shown.shape == (64, 48, 3)  # OpenCV obeys the tag
-    assert next(iter(open_source([str(path)]))).grey().shape == (48, 64)
+    assert next(iter(open_source([str(path)]))).pixels().shape == (48, 64)
     still = tmp_path / "turned.jpg"
     jpeg = bytes(cv2.imencode(".jpg", np.full((48, 64), 90, np.uint8))[1])
     # An EXIF block whose only entry is the orientation: turned by 90 degrees.
@@ -180,7 +180,7 @@ def test_stills_and_videos_come_as_they_are_stored_whatever_their_tags(tmp_path:
     upright = cv2.imread(str(still))
     assert upright is not None
     assert upright.shape == (64, 48, 3)
-    assert next(iter(open_source([str(still)]))).grey().shape == (48, 64)
+    assert next(iter(open_source([str(still)]))).pixels().shape == (48, 64)
 
 
 def test_the_channel_is_that_of_stills_videos_and_cameras(tmp_path: Path) -> None:
@@ -190,11 +190,11 @@ def test_the_channel_is_that_of_stills_videos_and_cameras(tmp_path: Path) -> Non
     cv2.imwrite(str(path), colour)
     for channel, gray in (("b", 30), ("g", 90), ("r", 200), ("gray", 116)):
         shot = next(iter(open_source([str(path)], channel=channel)))
-        assert (shot.grey() == gray).all()
+        assert (shot.pixels() == gray).all()
         moving = CameraStream("camera 0", Still(colour), channel)
-        assert (next(iter(moving)).grey() == gray).all()
+        assert (next(iter(moving)).pixels() == gray).all()
         film = Video("film", Still(colour), channel)
-        assert (next(iter(film)).grey() == gray).all()
+        assert (next(iter(film)).pixels() == gray).all()
 
 
 class Still:
@@ -248,7 +248,7 @@ def test_every_image_of_a_film_is_a_shot(suffix: str, tmp_path: Path) -> None:
     assert len(list(source)) == 3
     for number, (value, shot) in enumerate(zip(values, source, strict=True)):
         assert (shot.number, shot.name, shot.fault) == (number, str(number), "")
-        assert np.abs(shot.grey().astype(int) - value).max() <= 5  # GIF has a palette
+        assert np.abs(shot.pixels().astype(int) - value).max() <= 5  # GIF has a palette
     readings = tmp_path / "metadata.csv"
     readings.write_text("file_name\n")
     with pytest.raises(InputError, match="is a film, and a table of readings is for images"):

@@ -139,7 +139,7 @@ def solve_observations(observations: Path, method: str) -> Solution:
     tracker = PushTracker(antenna, METHODS[method])
     answers = {}
     for shot in Files(opened.frames):
-        result = tracker.solve(shot.grey(), shot.readings, shot.push_id)
+        result = tracker.solve(shot.pixels(), shot.readings, shot.push_id)
         points = 0 if result.line is None else len(result.line.points)
         answers[shot.name] = _answer(result.estimate, points)
     return Solution(findings, "", answers)

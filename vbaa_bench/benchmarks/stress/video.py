@@ -61,7 +61,7 @@ def encode_and_decode(encode: Encode, suffix: str, images: Images) -> Images:
     with tempfile.TemporaryDirectory(prefix="vbaa-stress-") as folder:
         path = Path(folder) / f"video{suffix}"
         encode(padded, path)
-        decoded = tuple(shot.grey()[:height, :width] for shot in open_source([str(path)]))
+        decoded = tuple(shot.pixels()[:height, :width] for shot in open_source([str(path)]))
     if len(decoded) != len(images):
         raise RuntimeError(f"the video has {len(decoded)} of {len(images)} images")
     return decoded
