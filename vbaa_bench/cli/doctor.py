@@ -38,7 +38,7 @@ class Diagnosis:
         if not self.fast:
             return f"Rendering works, but about ten times slower than possible. {ADVICE}."
         if any(result.works for result in self.probes if result.variant == CUDA):
-            return f"Rendering works. CUDA is used with the option --variant {CUDA}."
+            return f"Rendering works. --variant {CUDA} renders on the GPU, which is no faster."
         return f"Rendering works, on the processor: {CUDA} does not work here."
 
     def record(self) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
 from vbaa_bench.render.shading import bounced, shaded, shadow
 from vbaa_bench.render.strata import Strata, place
-from vbaa_bench.render.variant import is_scalar
+from vbaa_bench.render.variant import is_scalar, uses_optix
 from vbaa_bench.render.world import World
 
 SETS = 2
@@ -201,6 +201,8 @@ def _change(world: World, column: Any, row: Any, random: Any, count: Any) -> tup
 
     Shadows are smooth: a set samples few places in a pixel, but `count` points of each lamp.
     """
+    if uses_optix():
+        return difference(world, column, row, random, count)
     shifts = _shifts(world, world.scene, random)
     if world.shadow_places == 1:
         return _change_at(world, column, row, shifts, count)
@@ -222,6 +224,17 @@ def _mean_change(
         coverage += beam
         number += 1
     return value / mi.Float(places), coverage / mi.Float(places)
+
+
+def difference(world: World, column: Any, row: Any, random: Any, count: Any) -> tuple[Any, Any]:
+    """Estimate the change as `_change` does, by the same samples in one scene after the other.
+
+    It needs more samples: a shadow is tested at one point of a lamp in each.
+    """
+    whole, coverage = _mean(world, world.scene, column, row, random, count, None, False)
+    dr.eval(whole, coverage)
+    still, _ = _mean(world, world.still, column, row, random, count, None, False)
+    return whole - still, coverage
 
 
 def _change_at(

@@ -29,7 +29,7 @@ from vbaa_bench.render.optics import Lens, Optics
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.silhouette import Silhouette
 from vbaa_bench.render.surface import RenderUnit, Surface, painted_meshes
-from vbaa_bench.render.variant import is_scalar
+from vbaa_bench.render.variant import is_scalar, uses_optix
 from vbaa_bench.scene.lights.emitter import Emitter
 
 # Range of depths for which defocus is computed, as ratios to the depth of focus.
@@ -181,7 +181,7 @@ class World:
         Once surfaces have moved, it is traced in its first call; later calls repeat its kernels.
         """
         # The transform of Mitsuba's orthographic sensor is hidden from Dr.Jit: it cannot be frozen.
-        if not self._has_moved or self.camera.telecentric:
+        if not self._has_moved or self.camera.telecentric or uses_optix():
             return partial(function, self)
         if function not in self._frozen:
             # The first argument holds the arrays on which the function depends as well. The world
