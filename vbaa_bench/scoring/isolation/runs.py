@@ -25,6 +25,7 @@ from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
 from vbaa_bench.dataset.copies import copy_observations
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.program import ROOT
 from vbaa_bench.dataset.readers import check_complete
 from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.scoring.isolation.method_sources import SOURCES, copy_sources
@@ -54,7 +55,12 @@ _KERNEL_CHOICES: Final = (
 _MAX_END_S: Final = 10.0
 # Time limit for reading the last of the printed output [s].
 _MAX_REST_S: Final = 2.0
+# The first argument is the folder of these packages: another copy of them may be the installed one.
 _SUPERVISOR: Final = """
+import sys
+root = sys.argv.pop(1)
+if root not in sys.path:
+    sys.path.insert(0, root)
 from solver.instrument.quick_imports import quick_imports
 with quick_imports():
     from vbaa_bench.scoring.isolation.supervisor import main
@@ -337,7 +343,7 @@ def _supervisor(
 
     When its standard input ends, also because this process has ended, it ends with the method.
     """
-    command = [*PYTHON, "-c", _SUPERVISOR, *task]
+    command = [*PYTHON, "-c", _SUPERVISOR, str(ROOT), *task]
     readable, writable = os.pipe()
     listener = threading.Thread(target=_listen, args=(readable, on_output), daemon=True)
     listener.start()

@@ -133,6 +133,26 @@ def test_a_method_gets_the_choice_of_kernels_and_no_import_path(
     assert not environment.keys() & {"SECRET", "PYTHONPATH"}
 
 
+def test_a_method_is_run_by_the_copy_of_the_program_that_runs_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The installed one may be another, as beside a second checkout."""
+    modules = {
+        "solver/instrument/quick_imports.py": "from contextlib import nullcontext as quick_imports",
+        "vbaa_bench/scoring/isolation/supervisor.py": "def main():\n    print(__file__)",
+    }
+    for name, text in modules.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True)
+        path.write_text(text, encoding="utf-8")
+    for folder in tmp_path.rglob("*/"):
+        (folder / "__init__.py").touch()
+    monkeypatch.setattr(runs, "ROOT", tmp_path)
+    environment = runs.one_core_environment()
+    with runs._supervisor((), tmp_path, environment, print) as pipes:
+        assert pipes.reports.read().decode().strip() == str(path)
+
+
 @pytest.fixture
 def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
     ours, its = socket.socketpair()
