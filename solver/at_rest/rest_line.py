@@ -141,13 +141,15 @@ class RestLine:
         return _line_through(self.length)
 
 
-def fit_rest_line(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> RestLine:
+def fit_rest_line(
+    lines: Sequence[Centreline], calibration: Calibration, rig: Rig, ground_over_noise: float = 0.0
+) -> RestLine:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
     The covariance follows from the points' own scatter. Raises InputError where the images show
     too little of the beam.
     """
-    mean = mean_points(lines, calibration)
+    mean = mean_points(lines, calibration, ground_over_noise)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < THRESHOLDS.min_points:
         raise InputError(

@@ -43,7 +43,9 @@ class RestPoints(NamedTuple):
         return float(np.ptp(self.row))
 
 
-def mean_points(lines: Sequence[Centreline], calibration: Calibration) -> RestPoints:
+def mean_points(
+    lines: Sequence[Centreline], calibration: Calibration, ground_over_noise: float = 0.0
+) -> RestPoints:
     """Average the images place by place.
 
     A centre's error on the pixel grid is the same in all of them, so four images are not twice as
@@ -68,7 +70,7 @@ def mean_points(lines: Sequence[Centreline], calibration: Calibration) -> RestPo
     random = 1.0
     if repeated.any():
         squares = np.bincount(index, deviations)[repeated] / (count[repeated] - 1)
-        random = float(np.mean(squares / count[repeated]))
+        random = float(np.mean(squares / count[repeated])) * (1 + ground_over_noise)
     points, vectors = on_plane(calibration.camera, mean, directions[first] * mean_sigma[:, None])
     # Of an error measured obliquely to the beam, only the part across the beam counts.
     order = np.argsort(points[:, 0])

@@ -62,7 +62,9 @@ def learn_rest_state(
     """
     used = agreeing_images(images, guide, learn)
     noise = estimate_noise(used.images)
-    line = fit_rest_line(used.lines, calibration, rig)
+    detector = used.extract.detector
+    of_ground = 0.0 if detector is None else detector.appearance.ground_over_noise
+    line = fit_rest_line(used.lines, calibration, rig, of_ground)
     _check_direction(line, used.extract, used.images[0], used.lines[0], rig)
     width = 4 * guide.radius_px + 2 * BESIDE_PX
     tip, tip_covariance = _mean_tip(used.lines)
