@@ -16,6 +16,7 @@ from solver.at_rest.rest_points import LinearFit, RestPoints, fit_columns, mean_
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
+from solver.centreline.section_on_ground import NO_GROUND_ERRORS, GroundErrors
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -142,14 +143,17 @@ class RestLine:
 
 
 def fit_rest_line(
-    lines: Sequence[Centreline], calibration: Calibration, rig: Rig, ground_over_noise: float = 0.0
+    lines: Sequence[Centreline],
+    calibration: Calibration,
+    rig: Rig,
+    of_ground: GroundErrors = NO_GROUND_ERRORS,
 ) -> RestLine:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
     The covariance follows from the points' own scatter. Raises InputError where the images show
     too little of the beam.
     """
-    mean = mean_points(lines, calibration, ground_over_noise)
+    mean = mean_points(lines, calibration, of_ground)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < THRESHOLDS.min_points:
         raise InputError(

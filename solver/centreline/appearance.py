@@ -23,7 +23,13 @@ from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profile
 from solver.centreline.rest_columns import RestColumns, Shape, check_count, shape_of
 from solver.centreline.rest_detection import RestDetection, find_rest_line
 from solver.centreline.second_line import describe
-from solver.centreline.section_on_ground import BeamOnGround, section_on_ground, silhouette
+from solver.centreline.section_on_ground import (
+    NO_GROUND_ERRORS,
+    BeamOnGround,
+    GroundErrors,
+    section_on_ground,
+    silhouette,
+)
 from solver.centreline.section_search import find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
@@ -50,8 +56,8 @@ class Appearance:
     either side are fitted. `radius` [px] is that of the rig for a round beam: the section's follows
     the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
     ground without structure; `bare_ground` is what images without the beam show of it, None where
-    there are none. Then `silhouette` is the profile of what the beam hides, and `ground_over_noise`
-    the variance of the points at rest due to the ground, over that due to noise. A profile that
+    there are none. Then `silhouette` is the profile of what the beam hides, and `ground_errors`
+    those by the ground at rest. A profile that
     `is_sampled` is that of the images, not that of the section; one that is `in_part` was seen at
     some places between the pixels only. `second_line` describes a line beside the beam, "" if there
     is none, and `second_line_sigma_px` is that of the error by which it moves all of the beam.
@@ -72,7 +78,7 @@ class Appearance:
     full_scale: int
     ground_at_rest: Ground | None = None
     silhouette: Profile | None = None
-    ground_over_noise: float = 0.0
+    ground_errors: GroundErrors = NO_GROUND_ERRORS
     bare_ground: GroundAtRest | None = None
     is_sampled: bool = False
     in_part: bool = False
@@ -341,7 +347,7 @@ def _look_before(
         look,
         ground_at_rest=ground,
         silhouette=even,
-        ground_over_noise=start.ground_over_noise,
+        ground_errors=start.ground_errors,
     )
 
 

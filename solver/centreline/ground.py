@@ -23,6 +23,7 @@ from solver.centreline.bare_ground import (
     thinned,
 )
 from solver.centreline.noise import Noise
+from solver.centreline.smooth import LAG
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
@@ -42,7 +43,9 @@ class Ground(NamedTuple):
     `level` is their typical value. `fine` is the variance of the difference between two halves of a
     pixel: a pixel that the beam covers in part does not show its mean ground. `rows` and `columns`
     are pixels beside the beam that differ by more than noise from the `smooth` ground about them.
-    `bare_images` counts the images without the beam that show it; 0 where it was interpolated.
+    `bare_images` counts the images without the beam that show it; 0 where it was interpolated. Then
+    `fine` is what the pixels beside do not predict of that difference, and `fine_in_common` the
+    part of its variance that LAG pixels along the beam have in common.
     """
 
     gray: Pattern
@@ -53,6 +56,7 @@ class Ground(NamedTuple):
     columns: npt.NDArray[np.int64]
     smooth: Floats
     bare_images: int = 0
+    fine_in_common: float = 0.0
 
     def in_image(self, image: Grey, noise: Noise) -> "Ground":
         """Return the ground where an image (height, width) shows it.
@@ -128,9 +132,9 @@ def learn_ground(
     if disturbed <= 1 / (n_images + 1):
         return None
     if bare is None:
-        fine = _fine_variance(gray, variance / n_images, under)
+        fine, in_common = _fine_variance(gray, variance / n_images, under), 0.0
     else:
-        fine = _curved_variance(gray, variance / n_images)
+        fine, in_common = _curved_variance(gray, variance / n_images)
     if bare is None:
         interpolated, error = _interpolated(gray, middle, n)
         gray = np.where(under, interpolated, gray)
@@ -153,6 +157,7 @@ def learn_ground(
         columns=columns,
         smooth=np.asarray(blurred[rows, columns], np.float64),
         bare_images=0 if bare is None else bare.images,
+        fine_in_common=in_common,
     )
 
 
@@ -209,13 +214,14 @@ def _fine_variance(gray: Floats, mean_variance: Floats, under: Mask) -> float:
     return one / min(max(two / one, 1.0), 4.0) if one > 0 else 0.0
 
 
-def _curved_variance(gray: Floats, mean_variance: Floats) -> float:
+def _curved_variance(gray: Floats, mean_variance: Floats) -> tuple[float, float]:
     """Extrapolate how the halves of a pixel differ from what the pixels beside it predict.
 
     The variance of this error is measured for pixels of twice and four times the size, whose halves
-    are known. The noise of the mean is subtracted.
+    are known. The noise of the mean is subtracted. Return it with the part of it that the mean of
+    LAG pixels along the beam has, less that of independent errors.
     """
-    variances = []
+    variances, in_common = [], 0.0
     for size in (2, 4):
         n = len(gray) // size * size
         halves = gray[:n].reshape(-1, 2, size // 2, gray.shape[1]).mean(axis=2)
@@ -225,8 +231,12 @@ def _curved_variance(gray: Floats, mean_variance: Floats) -> float:
         # Of both halves, and of two pixels' means.
         noise = noise[1:-1] * (4 / size + 2 / size / 16)
         variances.append(max(float(np.mean(error**2) - np.mean(noise)), 0.0))
+        if size == 2 and variances[0] > 0:
+            lags = np.arange(1, LAG)
+            products = [float(np.mean(error[:, :-lag] * error[:, lag:])) for lag in lags]
+            in_common = 2 * float((LAG - lags) @ products) / (LAG**2 * variances[0])
     small, large = variances
-    return small**2 / max(large, small, 1e-12)
+    return small**2 / max(large, small, 1e-12), min(max(in_common, 0.0), 1.0)
 
 
 def _interpolated(gray: Floats, middle: Floats, n: int) -> tuple[Floats, Floats]:

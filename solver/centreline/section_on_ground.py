@@ -5,7 +5,7 @@ follows it. Here centre and amplitude are smooth along the beam, so that the gro
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -25,6 +25,19 @@ STARTS = (0.1, 0.5)
 DIFFERENCE = 1e-6
 
 
+class GroundErrors(NamedTuple):
+    """Variance of the points at rest by the ground, over that by the noise of their mean image.
+
+    `in_common` is the part that the mean of LAG points has, less that of independent errors.
+    """
+
+    whole: float
+    in_common: float
+
+
+NO_GROUND_ERRORS: Final = GroundErrors(0.0, 0.0)
+
+
 def silhouette(section: Section) -> Section:
     """Return the section of a beam with an even brightness: its image is what the beam hides."""
     return replace(section, roundness=0.0, skew=0.0)
@@ -33,14 +46,14 @@ def silhouette(section: Section) -> Section:
 class BeamOnGround(NamedTuple):
     """The beam's section, and its amplitude [gray px] and distance from the path [px], each (n,).
 
-    Distances are along the path's normal. `ground_over_noise` is the variance of a distance due to
-    a ground that images without the beam show, over that due to the noise of the mean image.
+    Distances are along the path's normal. `ground_errors` are those by a ground that images
+    without the beam show.
     """
 
     section: Section
     amplitude: Floats
     off_path: Floats
-    ground_over_noise: float = 0.0
+    ground_errors: GroundErrors = NO_GROUND_ERRORS
 
 
 @dataclass(frozen=True)
@@ -179,11 +192,14 @@ def section_on_ground(
     amplitude -= 2 * section(p).radius
     cover, _ = model.hidden(section(p), course(p)[0])
     seen = (1 - cover) ** 2
-    of_ground = seen * (ground.variance[pixels] + cover**2 * ground.fine)
+    of_fine = seen * cover**2 * ground.fine
+    of_ground = seen * ground.variance[pixels] + of_fine
     of_mean = noise_variance[pixels]
     # A centre is the pixels' sum with these weights, by the noise of one image.
     weight = model.by_centre(section(p), *course(p)) * model.sigma / (of_ground + images * of_mean)
-    ground_over_noise = (weight**2 * of_ground).sum(axis=1) / (weight**2 * of_mean).sum(axis=1)
-    return BeamOnGround(
-        section(p), ground.level * amplitude, off_path, float(np.median(ground_over_noise))
+    whole, fine = (
+        float(np.median((weight**2 * part).sum(axis=1) / (weight**2 * of_mean).sum(axis=1)))
+        for part in (of_ground, of_fine)
     )
+    errors = GroundErrors(whole, fine * ground.fine_in_common)
+    return BeamOnGround(section(p), ground.level * amplitude, off_path, errors)

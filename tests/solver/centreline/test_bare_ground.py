@@ -9,6 +9,7 @@ import pytest
 
 from solver.centreline.bare_ground import BareGround, bare_ground, match, shifted, structured
 from solver.centreline.extractor import BeamExtractor, learn_profile_fit
+from solver.centreline.ground import learn_ground
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
@@ -148,6 +149,25 @@ def test_what_the_beam_hides_is_its_silhouette() -> None:
     assert look.ground_at_rest is not None
     error = look.ground_at_rest.gray - 255 * felt(0)
     assert np.sqrt(np.mean(error**2)) < 1.5 * np.sqrt(np.median(look.ground_at_rest.variance))
+
+
+def test_grain_along_the_beam_has_errors_in_common() -> None:
+    """What is within a pixel is as long as the grain: neighbours share it."""
+    shares = []
+    for along in (1.0, 12.0):
+        white = generator(__name__, 9).standard_normal((HEIGHT, WIDTH))
+        waves = cv2.GaussianBlur(white, (0, 0), sigmaX=along, sigmaY=1.0)
+        light = 0.25 * np.maximum(1 + 0.4 * waves / waves.std(), 0.1)
+        rests = images(light, 10)
+        path, noise = guide().pixels(bent(0.0, tilt=TILT)), estimate_noise(rests)
+        ground = learn_ground(rests, path, 2.5, noise, 7, bare_ground(rests))
+        assert ground is not None
+        assert ground.bare_images == N_IMAGES
+        assert ground.fine > 0
+        shares.append(ground.fine_in_common)
+    # Over 16 pixels, errors that are 30 px long do not average out.
+    assert 0 <= shares[0] < 0.2
+    assert 0.5 < shares[1] <= 1
 
 
 def test_the_mean_of_texture_blurs_with_a_shift_that_is_not_removed() -> None:
