@@ -8,6 +8,10 @@ Before a ground that is known from the rest images, the straight line is the lig
 is seen, dimmed or brightened, where the beam does not cover it. Under the beam, the ground's
 typical level takes its place, so that the beam's amplitude is the contrast with that level
 everywhere. The noise is that of the image and of the ground.
+
+Where images without the beam show the ground, a gray value is the beam's own, amplitude x profile,
+and what the beam's silhouette leaves of the ground. Of a pixel that the beam's edge divides, one
+side is seen: the ground's slope between the pixels states what it shows, and the rest is noise.
 """
 
 from typing import Any, NamedTuple
