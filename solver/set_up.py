@@ -11,6 +11,7 @@ from solver.at_rest.agreement import Learn
 from solver.at_rest.rest_state import learn_rest_state
 from solver.calibrate import ambiguous, calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
+from solver.centreline.bare_ground import bare_ground
 from solver.centreline.extractor import learn_profile_fit
 from solver.centreline.guide import Guide
 from solver.first_start import compile_in_background
@@ -54,7 +55,7 @@ def _named(observations: Observations) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        images = (*observations.board_views, *observations.rest_images)
+        images = (*observations.board_views, *observations.rest_images, *observations.ground_images)
         if any(str(image) in str(error) for image in images):
             raise
         raise InputError(f"{observations.root}: {error}") from error
@@ -96,6 +97,7 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
         in_world,
         scale.full_scale,
         strip_psi=rig.known_psi,
+        bare_ground=bare_ground([scale(image) for image in observations.read_ground_images()]),
     )
     at_rest = learn_rest_state(images, guide, learn, calibration, rig)
     uncertainty = calibration_uncertainty(calibration, rig)

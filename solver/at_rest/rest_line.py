@@ -16,6 +16,7 @@ from solver.at_rest.rest_points import LinearFit, RestPoints, fit_columns, mean_
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
+from solver.centreline.section_on_ground import NO_GROUND_ERRORS, GroundErrors
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -141,13 +142,18 @@ class RestLine:
         return _line_through(self.length)
 
 
-def fit_rest_line(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> RestLine:
+def fit_rest_line(
+    lines: Sequence[Centreline],
+    calibration: Calibration,
+    rig: Rig,
+    of_ground: GroundErrors = NO_GROUND_ERRORS,
+) -> RestLine:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
     The covariance follows from the points' own scatter. Raises InputError where the images show
     too little of the beam.
     """
-    mean = mean_points(lines, calibration)
+    mean = mean_points(lines, calibration, of_ground)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < THRESHOLDS.min_points:
         raise InputError(

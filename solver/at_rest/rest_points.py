@@ -11,6 +11,7 @@ import numpy as np
 
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
+from solver.centreline.section_on_ground import NO_GROUND_ERRORS, GroundErrors
 from solver.centreline.smooth import LAG
 from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats
@@ -26,9 +27,10 @@ GRID_COEFFICIENTS = 5 + 2 * HARMONICS
 class RestPoints(NamedTuple):
     """Mean of the rest images: points (n, 2) on C [m] and their sigma (n,) along y [m].
 
-    `random` is the part of the points' variance that differs from image to image, over the square
-    of sigma. `row` (n,) [px] is the points' position on the pixel grid, across the beam; `pixel`
-    [m] is the size of a pixel.
+    `random` is the part of the points' variance that differs from image to image or comes from a
+    known ground, over the square of sigma; `in_common` is what LAG neighbours have in common of it.
+    `row` (n,) [px] is the points' position on the pixel grid, across the beam; `pixel` [m] is the
+    size of a pixel.
     """
 
     points: Floats
@@ -36,6 +38,7 @@ class RestPoints(NamedTuple):
     random: float
     row: Floats
     pixel: float
+    in_common: float = 0.0
 
     @property
     def rows(self) -> float:
@@ -43,7 +46,11 @@ class RestPoints(NamedTuple):
         return float(np.ptp(self.row))
 
 
-def mean_points(lines: Sequence[Centreline], calibration: Calibration) -> RestPoints:
+def mean_points(
+    lines: Sequence[Centreline],
+    calibration: Calibration,
+    of_ground: GroundErrors = NO_GROUND_ERRORS,
+) -> RestPoints:
     """Average the images place by place.
 
     A centre's error on the pixel grid is the same in all of them, so four images are not twice as
@@ -76,7 +83,14 @@ def mean_points(lines: Sequence[Centreline], calibration: Calibration) -> RestPo
     across = np.abs(vectors @ [-math.sin(tilt), math.cos(tilt)]) / math.cos(tilt)
     row = (mean * directions[first]).sum(axis=1)
     pixel = float(np.median(across / mean_sigma))
-    return RestPoints(points[order], np.maximum(across[order], 1e-12), random, row[order], pixel)
+    return RestPoints(
+        points[order],
+        np.maximum(across[order], 1e-12),
+        random * (1 + of_ground.whole),
+        row[order],
+        pixel,
+        random * of_ground.in_common,
+    )
 
 
 def place_keys(line: Centreline) -> Floats:
@@ -131,15 +145,20 @@ def fit_columns(points: RestPoints, design: Floats, y: Floats) -> LinearFit:
     inlier_variance = float(np.mean(inliers**2))
     correlation = correlation_length(residual)
     repeated = n * max(
-        _repeating(inlier_variance, n, points), _shared_by_neighbours(inliers).significant
+        _repeating(inlier_variance, n, points),
+        _shared_by_neighbours(inliers, points).significant,
     )
-    in_rows = _variance_of_rows(spare_rows, _shared_by_neighbours(residual), variance, n, points)
+    in_rows = _variance_of_rows(
+        spare_rows, _shared_by_neighbours(residual, points), variance, n, points
+    )
+    # Neighbours on one grain of the ground count as one point.
+    of_ground = LAG * points.in_common
     return LinearFit(
         coefficients[:m],
-        inverse[:m, :m] * max(variance * correlation, n * in_rows),
-        inverse[:m, :m] * points.random,
+        inverse[:m, :m] * max(variance * correlation, n * in_rows, of_ground),
+        inverse[:m, :m] * (points.random + of_ground),
         float(residual @ residual),
-        max(inlier_variance, 1.0) * correlation,
+        max(max(inlier_variance, 1.0) * correlation, of_ground),
         repeated / spare_rows if spare_rows > 0 else math.inf,
     )
 
@@ -184,14 +203,17 @@ class _Shared(NamedTuple):
         return max(self.measured, self.least)
 
 
-def _shared_by_neighbours(residual: Floats) -> _Shared:
+def _shared_by_neighbours(residual: Floats, points: RestPoints) -> _Shared:
     """Estimate the part of the variance of residuals (n,) that neighbours have in common.
 
     It is the variance of means over LAG neighbours, minus the part of independent errors in it.
-    Errors that alternate from column to column, as those of a colour mosaic, cancel.
+    Errors that alternate from column to column, as those of a colour mosaic, cancel. Those by a
+    known ground do not follow the pixel grid: they are subtracted.
     """
     n, white = len(residual), float(np.mean(residual**2)) / LAG
     if n < 2 * LAG:
         return _Shared(0.0, 0.0)
     means = np.convolve(residual, np.full(LAG, 1 / LAG), "valid")
-    return _Shared(float(np.mean(means**2)) - white, 3.1 * math.sqrt(2 * LAG / n) * white)
+    return _Shared(
+        float(np.mean(means**2)) - white - points.in_common, 3.1 * math.sqrt(2 * LAG / n) * white
+    )

@@ -15,6 +15,7 @@ from solver.centreline import Centreline
 from solver.centreline.extractor import Extractor
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
+from solver.centreline.section_on_ground import NO_GROUND_ERRORS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -62,7 +63,9 @@ def learn_rest_state(
     """
     used = agreeing_images(images, guide, learn)
     noise = estimate_noise(used.images)
-    line = fit_rest_line(used.lines, calibration, rig)
+    detector = used.extract.detector
+    of_ground = NO_GROUND_ERRORS if detector is None else detector.appearance.ground_errors
+    line = fit_rest_line(used.lines, calibration, rig, of_ground)
     _check_direction(line, used.extract, used.images[0], used.lines[0], rig)
     width = 4 * guide.radius_px + 2 * BESIDE_PX
     tip, tip_covariance = _mean_tip(used.lines)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import median_filter
 
+from solver.centreline.bare_ground import BareGround, GroundAtRest
 from solver.centreline.effective_profile import (
     EffectiveProfile,
     effective_profile,
@@ -20,9 +21,15 @@ from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile, tilt_response
 from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.rest_columns import RestColumns, Shape, check_count, shape_of
-from solver.centreline.rest_detection import find_rest_line
+from solver.centreline.rest_detection import RestDetection, find_rest_line
 from solver.centreline.second_line import describe
-from solver.centreline.section_on_ground import BeamOnGround, section_on_ground
+from solver.centreline.section_on_ground import (
+    NO_GROUND_ERRORS,
+    BeamOnGround,
+    GroundErrors,
+    section_on_ground,
+    silhouette,
+)
 from solver.centreline.section_search import find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
@@ -48,10 +55,13 @@ class Appearance:
     come from the sensor's noise; `ground` is the background's median gray value. `half` pixels on
     either side are fitted. `radius` [px] is that of the rig for a round beam: the section's follows
     the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
-    ground without structure. A profile that `is_sampled` is that of the images, not that of the
-    section; one that is `in_part` was seen at some places between the pixels only. `second_line`
-    describes a line beside the beam, "" if there is none, and `second_line_sigma_px` is that of the
-    error by which it moves all of the beam. `faces` are those of a flat strip that shows two.
+    ground without structure; `bare_ground` is what images without the beam show of it, None where
+    there are none. Then `silhouette` is the profile of what the beam hides, and `ground_errors`
+    those by the ground at rest. A profile that
+    `is_sampled` is that of the images, not that of the section; one that is `in_part` was seen at
+    some places between the pixels only. `second_line` describes a line beside the beam, "" if there
+    is none, and `second_line_sigma_px` is that of the error by which it moves all of the beam.
+    `faces` are those of a flat strip that shows two.
     """
 
     polarity: int
@@ -67,6 +77,9 @@ class Appearance:
     radius: float
     full_scale: int
     ground_at_rest: Ground | None = None
+    silhouette: Profile | None = None
+    ground_errors: GroundErrors = NO_GROUND_ERRORS
+    bare_ground: GroundAtRest | None = None
     is_sampled: bool = False
     in_part: bool = False
     second_line: str = ""
@@ -122,12 +135,11 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     noise = estimate_noise(images)
     mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
     full_scale = guide.full_scale or int(np.iinfo(images[0].dtype).max)
-    line = find_rest_line(mean, guide, WIDTHS if guide.strip_psi is None else FLAT_WIDTHS)
-    if line is None:
-        raise InputError(
-            "the rest images show no beam along the rig's x axis: if they show one elsewhere, the "
-            "origin is wrong (base.position_mm, board.antenna_from_board_translation_mm)"
-        )
+    bare = None
+    if guide.bare_ground is not None:
+        bare = guide.bare_ground.at_rest(mean, noise, len(images))
+    known = None if bare is None else bare.ground
+    line = _find_line(mean, guide, known)
     tilt = guide.strip_tilt
     strip = None if tilt is None else Strip(2 * guide.radius_px, tilt)
     stated = None if strip is not None else guide.radius_px
@@ -145,11 +157,11 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     rest = RestColumns(images, places, noise, line.polarity, guide.radius_px, full_scale, apart)
     reach = guide.radius_px + FIRST_REACH_PX
     half = int(reach + 0.5) + MARGIN
-    ground = learn_ground(images, beam, reach, noise, half)
+    ground = learn_ground(images, beam, reach, noise, half, known)
     if ground is not None:
         # A nearer line is a part of the ground. What is left moves the beam alike at rest and bent.
         start = section_on_ground(
-            mean, noise.variance(mean) / len(images), places, rest.radius, half, ground
+            mean, noise.variance(mean) / len(images), len(images), places, rest.radius, half, ground
         )
         look = _look_before(rest, ground, start, beam, stated)
     elif overlap > THRESHOLDS.max_overlap_contrast:
@@ -175,7 +187,33 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
         )
     radius = look.section.radius * guide.pixel
     look = replace(look, second_line=second_line, second_line_sigma_px=moved_px)
-    return look, replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
+    guide = replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
+    if bare is None:
+        return look, guide
+    # The images of the ground are kept once: `ground_at_rest` has what is used of them.
+    look = replace(look, bare_ground=bare._replace(ground=None))
+    return look, replace(guide, bare_ground=None)
+
+
+def _find_line(mean: Floats, guide: Guide, ground: BareGround | None) -> RestDetection:
+    """Find the beam in the mean image (height, width) of it at rest, before a `ground` if known.
+
+    Raises InputError where no beam is found along the rig's x axis.
+    """
+    widths = WIDTHS if guide.strip_psi is None else FLAT_WIDTHS
+    flat = mean if ground is None else mean - ground.gray + np.median(ground.gray)
+    line = find_rest_line(flat, guide, widths)
+    if line is not None:
+        return line
+    if ground is not None and find_rest_line(mean, guide, widths) is not None:
+        raise InputError(
+            "the images in ground/ show the beam where it is at rest: take them before it is "
+            "mounted, or remove them"
+        )
+    raise InputError(
+        "the rest images show no beam along the rig's x axis: if they show one elsewhere, the "
+        "origin is wrong (base.position_mm, board.antenna_from_board_translation_mm)"
+    )
 
 
 def _sampled(rest: RestColumns) -> EffectiveProfile | None:
@@ -285,10 +323,12 @@ def _look_before(
     # With the beam's own width, less of the ground is unknown.
     reach, half = section.radius + 2.5 * section.spread + 0.5, rest.half_width(section)
     moved = _moved(beam, rest.places, off_path)
-    ground = learn_ground(rest.images, moved, reach, rest.noise, half) or ground
+    if not ground.bare_images:
+        ground = learn_ground(rest.images, moved, reach, rest.noise, half) or ground
     rest = replace(rest, places=rest.places._replace(start=rest.places.start + off_path))
     table = profile(section)
-    fits = rest.fits(table, half, KnownGround(ground, start.amplitude))
+    even = profile(silhouette(section)) if ground.bare_images else None
+    fits = rest.fits(table, half, KnownGround(ground, start.amplitude, even))
     good = np.all([np.isfinite(f.sigma) for f in fits], axis=0)
     good &= start.amplitude * rest.polarity > 0
     centre = rest.off_path(fits)
@@ -303,7 +343,12 @@ def _look_before(
         ground=ground.level,
         radius=radius,
     )
-    return replace(look, ground_at_rest=ground)
+    return replace(
+        look,
+        ground_at_rest=ground,
+        silhouette=even,
+        ground_errors=start.ground_errors,
+    )
 
 
 def _to_the_tip(places: Floats, guide: Guide) -> Floats:

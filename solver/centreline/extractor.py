@@ -83,6 +83,7 @@ class BeamExtractor:
         appearance, guide = self.appearance, self.guide
         max_tilt = THRESHOLDS.max_tilt if guide.free_tilt else 0.0
         ground = appearance.ground_at_rest
+        ground = None if ground is None else ground.in_image(image, appearance.noise)
         flat = None if ground is None else ground.subtracted(image, appearance.full_scale)
         if flat is None:
             ground, flat = None, image
@@ -125,7 +126,7 @@ class BeamExtractor:
         """Fit the columns at n stations, and flag those that do not look like the beam at rest."""
         look = self.appearance
         at_rest = np.interp(places.length, look.length, look.amplitude)
-        known = None if ground is None else KnownGround(ground, at_rest)
+        known = None if ground is None else KnownGround(ground, at_rest, look.silhouette)
         fits = look.fits(image, places, known)
         compared = flag_columns(fits, at_rest, look.misfit, look.sigma_px, look.in_part)
         return Columns(fits, *compared)

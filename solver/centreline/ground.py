@@ -12,24 +12,29 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from solver.centreline.bare_ground import (
+    SMOOTH_PX,
+    BareGround,
+    Lattice,
+    Pattern,
+    match,
+    shifted,
+    structured,
+    thinned,
+)
 from solver.centreline.noise import Noise
+from solver.centreline.smooth import LAG
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.medians import median
 
-# Number of pixels on which a frame is compared with the ground: the noise of a median is then 2 %.
-LATTICE = 4000
 # Step [px] of the lattice of columns in which the ground's structure is tested.
 TEST_PX = 5
 # The beam's ends are known to this [px].
 END_MARGIN_PX = 1.0
 # Farthest displacements of the band, in its widths, at which the interpolation's error is measured.
 DISPLACEMENTS = (-4, -3, -2, 2, 3, 4)
-# Blur [px] of the ground that represents a ground without structure.
-SMOOTH_PX = 8.0
-
-Pattern = npt.NDArray[np.float32]
 
 
 class Ground(NamedTuple):
@@ -38,6 +43,9 @@ class Ground(NamedTuple):
     `level` is their typical value. `fine` is the variance of the difference between two halves of a
     pixel: a pixel that the beam covers in part does not show its mean ground. `rows` and `columns`
     are pixels beside the beam that differ by more than noise from the `smooth` ground about them.
+    `bare_images` counts the images without the beam that show it; 0 where it was interpolated. Then
+    `fine` is what the pixels beside do not predict of that difference, and `fine_in_common` the
+    part of its variance that LAG pixels along the beam have in common.
     """
 
     gray: Pattern
@@ -47,6 +55,21 @@ class Ground(NamedTuple):
     rows: npt.NDArray[np.int64]
     columns: npt.NDArray[np.int64]
     smooth: Floats
+    bare_images: int = 0
+    fine_in_common: float = 0.0
+
+    def in_image(self, image: Grey, noise: Noise) -> "Ground":
+        """Return the ground where an image (height, width) shows it.
+
+        A ground that was interpolated under the beam stays where it is.
+        """
+        if not self.bare_images:
+            return self
+        lattice = Lattice(self.rows, self.columns)
+        found = match(image, self.gray, lattice, noise, 1 / self.bare_images)
+        if found is None or not found.is_shifted:
+            return self
+        return self._replace(gray=shifted(self.gray, found.shift))
 
     def gain(self, image: Grey) -> float | None:
         """Estimate the light's gain in an image since rest; None if it does not show this ground.
@@ -76,7 +99,12 @@ class Ground(NamedTuple):
 
 
 def learn_ground(
-    images: Sequence[Grey], beam: Floats, reach: float, noise: Noise, half: int
+    images: Sequence[Grey],
+    beam: Floats,
+    reach: float,
+    noise: Noise,
+    half: int,
+    bare: BareGround | None = None,
 ) -> Ground | None:
     """Learn the ground from images (height, width) of the beam at rest.
 
@@ -96,21 +124,30 @@ def learn_ground(
     n = int(reach * stretch + 0.5)
     under = np.abs(np.arange(gray.shape[0])[:, None] - np.rint(middle)) <= n
     variance = noise.variance(gray)
-    disturbed = _disturbed_share(gray, variance / len(images), variance, under, half)
-    if disturbed <= 1 / (len(images) + 1):
+    n_images = len(images)
+    if bare is not None:
+        gray = np.asarray(bare.gray if upright else bare.gray.T, np.float64)
+        variance, n_images, under = noise.variance(gray), bare.images, np.zeros_like(under)
+    disturbed = _disturbed_share(gray, variance / n_images, variance, under, half)
+    if disturbed <= 1 / (n_images + 1):
         return None
-    fine = _fine_variance(gray, variance / len(images), under)
-    interpolated, error = _interpolated(gray, middle, n)
-    gray = np.where(under, interpolated, gray)
-    variance = np.where(under, error, variance / len(images))
+    if bare is None:
+        fine, in_common = _fine_variance(gray, variance / n_images, under), 0.0
+    else:
+        fine, in_common = _curved_variance(gray, variance / n_images)
+    if bare is None:
+        interpolated, error = _interpolated(gray, middle, n)
+        gray = np.where(under, interpolated, gray)
+        variance = np.where(under, error, variance / n_images)
+    else:
+        variance = variance / n_images
     if not upright:
         gray, variance, under = gray.T, variance.T, under.T
     blurred = cv2.GaussianBlur(np.ascontiguousarray(gray), (0, 0), SMOOTH_PX)
-    distinct = ~under & ((gray - blurred) ** 2 > noise.variance(gray))
-    rows, columns = np.nonzero(distinct)
-    step = max(len(rows) // LATTICE, 1)
-    # For another layout, functions would be compiled again.
-    rows, columns = (np.ascontiguousarray(index[::step]) for index in (rows, columns))
+    if bare is None:
+        rows, columns = thinned(~under & ((gray - blurred) ** 2 > noise.variance(gray)))
+    else:
+        rows, columns = structured(bare.gray, noise)
     return Ground(
         gray=np.ascontiguousarray(gray, np.float32),
         variance=np.ascontiguousarray(variance, np.float32),
@@ -119,6 +156,8 @@ def learn_ground(
         rows=rows,
         columns=columns,
         smooth=np.asarray(blurred[rows, columns], np.float64),
+        bare_images=0 if bare is None else bare.images,
+        fine_in_common=in_common,
     )
 
 
@@ -173,6 +212,31 @@ def _fine_variance(gray: Floats, mean_variance: Floats, under: Mask) -> float:
         variances.append(max(float(np.mean(difference**2) - np.mean(noise)), 0.0))
     one, two = variances
     return one / min(max(two / one, 1.0), 4.0) if one > 0 else 0.0
+
+
+def _curved_variance(gray: Floats, mean_variance: Floats) -> tuple[float, float]:
+    """Extrapolate how the halves of a pixel differ from what the pixels beside it predict.
+
+    The variance of this error is measured for pixels of twice and four times the size, whose halves
+    are known. The noise of the mean is subtracted. Return it with the part of it that the mean of
+    LAG pixels along the beam has, less that of independent errors.
+    """
+    variances, in_common = [], 0.0
+    for size in (2, 4):
+        n = len(gray) // size * size
+        halves = gray[:n].reshape(-1, 2, size // 2, gray.shape[1]).mean(axis=2)
+        noise = mean_variance[:n].reshape(-1, size, gray.shape[1]).mean(axis=1)
+        means = halves.mean(axis=1)
+        error = halves[1:-1, 1] - halves[1:-1, 0] - (means[2:] - means[:-2]) / 4
+        # Of both halves, and of two pixels' means.
+        noise = noise[1:-1] * (4 / size + 2 / size / 16)
+        variances.append(max(float(np.mean(error**2) - np.mean(noise)), 0.0))
+        if size == 2 and variances[0] > 0:
+            lags = np.arange(1, LAG)
+            products = [float(np.mean(error[:, :-lag] * error[:, lag:])) for lag in lags]
+            in_common = 2 * float((LAG - lags) @ products) / (LAG**2 * variances[0])
+    small, large = variances
+    return small**2 / max(large, small, 1e-12), min(max(in_common, 0.0), 1.0)
 
 
 def _interpolated(gray: Floats, middle: Floats, n: int) -> tuple[Floats, Floats]:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from solver.centreline.bare_ground import BareGround
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
@@ -26,7 +27,8 @@ class Guide:
     may have turned the beam by any angle relative to the camera. `full_scale` is a saturated
     pixel's gray value, None where it is the largest of the image's type. `strip_psi` [rad] is the
     inclination of a flat strip's thickness, None for a round beam; a strip may look several times
-    as wide as its radius states.
+    as wide as its radius states. `bare_ground` is the ground without the beam, None where no images
+    show it.
     """
 
     camera: Camera
@@ -36,6 +38,7 @@ class Guide:
     free_tilt: bool = False
     full_scale: int | None = None
     strip_psi: float | None = None
+    bare_ground: BareGround | None = None
 
     def pixels(self, places: Floats) -> Floats:
         """Project places (n, 2) [m] of the beam's frame in plane C to pixels (n, 2)."""

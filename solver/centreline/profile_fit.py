@@ -8,6 +8,10 @@ Before a ground that is known from the rest images, the straight line is the lig
 is seen, dimmed or brightened, where the beam does not cover it. Under the beam, the ground's
 typical level takes its place, so that the beam's amplitude is the contrast with that level
 everywhere. The noise is that of the image and of the ground.
+
+Where images without the beam show the ground, a gray value is the beam's own, amplitude x profile,
+and what the beam's silhouette leaves of the ground. Of a pixel that the beam's edge divides, one
+side is seen: the ground's slope between the pixels states what it shows, and the rest is noise.
 """
 
 from typing import Any, NamedTuple
@@ -61,11 +65,14 @@ class KnownGround(NamedTuple):
     """The `ground` at rest, and the beam's `amplitude` (n,) [gray px] before it at n stations.
 
     The amplitudes of the image may differ by AMPLITUDE_SIGMA: where the ground is not known, it
-    looks like a part of the beam.
+    looks like a part of the beam. `silhouette` is the profile of a beam with an even brightness: it
+    states what is hidden of a ground that images without the beam show. It is None for another
+    ground.
     """
 
     ground: Ground
     amplitude: Floats
+    silhouette: Profile | None = None
 
 
 def fit_profiles(
@@ -84,13 +91,22 @@ def fit_profiles(
     Where an object or its shadow hides the ground, the known ground explains a column worse than
     a straight line does: the better of both fits is kept.
     """
-    plain: Fits = _fit(image, places, profile, noise, half, full_scale, None)
+    plain: Fits = _fit(image, places, profile, noise, half, full_scale, None, None)
     if known is None:
         return plain
-    before: Fits = _fit(image, places, profile, noise, half, full_scale, known)
+    silhouette = known.silhouette
+    known = known._replace(silhouette=None)
+    before: Fits = _fit(image, places, profile, noise, half, full_scale, known, silhouette)
     unlikely = before.chi2 > THRESHOLDS.max_misfit * np.maximum(before.dof, 1)
     keep = np.isfinite(before.sigma) & ~(unlikely & (plain.chi2 < before.chi2))
     return Fits(*(np.where(keep, *both) for both in zip(before, plain, strict=True)))
+
+
+class _Cover(NamedTuple):
+    """Profile and its slope of a beam with an even brightness, as in `Profile`, of one section."""
+
+    value: Floats
+    slope: Floats
 
 
 class _Behind(NamedTuple):
@@ -119,11 +135,12 @@ def _fit(
     half: int,
     full_scale: int,
     known: KnownGround | None,
+    silhouette: Profile | None,
 ) -> Fits:
-    """Fit all stations, all before the known ground or none: both are compiled on their own."""
+    """Fit all stations, all before the known ground or none: each is compiled on its own."""
     n, size = len(places.along), 2 * half + 1
     out, row = np.zeros((8, n)), np.empty(8)
-    gray, memory = np.empty(size), np.empty((3, size))
+    gray, memory = np.empty(size), np.empty((5, size))
     pattern, variance = np.empty(size), np.empty(size)
     for i in range(n):
         row[:] = 0.0
@@ -132,21 +149,26 @@ def _fit(
         first = int(np.rint(start)) - half
         if read_column(image, line, upright, first, gray):
             table = nearest_table(profile, places.length[i])
-            behind = None
+            behind, cover = None, None
+            if silhouette is not None:
+                cover = _Cover(silhouette.value[table], silhouette.slope[table])
             if known is not None:
                 ground, amplitude = known.ground, known.amplitude[i]
                 for k in range(size):
                     v, u = (first + k, line) if upright else (line, first + k)
                     pattern[k] = ground.gray[v, u] / ground.level
                     variance[k] = ground.variance[v, u] / ground.level**2
+                width = 2 * profile.radius[table]
+                if silhouette is not None:
+                    amplitude += width * ground.level
                 behind = _Behind(
                     pattern, variance, ground.fine / ground.level**2, ground.level,
-                    2 * profile.radius[table], amplitude, (AMPLITUDE_SIGMA * amplitude) ** -2,
+                    width, amplitude, (AMPLITUDE_SIGMA * amplitude) ** -2,
                 )  # fmt: skip
             _fit_column(
                 start, first, half, abs(places.climb[i]), places.sense[i],
                 profile.value[table], profile.slope[table],
-                noise, full_scale, gray, memory, behind, row,
+                noise, full_scale, gray, memory, behind, cover, row,
             )  # fmt: skip
         for field in range(len(row)):
             out[field, i] = row[field]
@@ -170,20 +192,25 @@ def _fit_column(
     gray: Floats,
     memory: Floats,
     behind: _Behind | None,
+    cover: _Cover | None,
     fields: Floats,
 ) -> None:
     """Run Gauss-Newton from `start` and write into `fields`; on failure, its counts only.
 
     For a fixed centre, the model is linear in background and amplitude: eliminating the background
     (1, x), or that times the ground, then the profile from the weighted sums of products solves
-    their least squares. `memory` is (3, n).
+    their least squares. `memory` is (5, n).
     """
     weight, expected, unknown = memory[0], memory[1], memory[2]
+    covered, steepness = memory[3], memory[4]
     c, a, b, s = start, 0.0, 0.0, 0.0
     if behind is not None:
         a, b = behind.amplitude, behind.level
         interpolate_column(value, climb, sense, first - c, expected)
-        _expect(a, b, s, half, behind, expected, unknown)
+        if cover is not None:
+            interpolate_column(cover.value, climb, sense, first - c, covered)
+            interpolate_column(cover.slope, climb, sense, first - c, steepness)
+        _expect(a, b, s, half, sense, behind, cover, covered, steepness, expected, unknown)
     used = _weigh(gray, gray, unknown, behind, noise, full_scale, weight)
     fields[7] = len(gray) - used
     if used < THRESHOLDS.min_pixels:
@@ -191,8 +218,9 @@ def _fit_column(
     fields[6] = used - 4
     for step in range(MAX_STEPS + 1):
         w0, w1, w2, g0, g1, gg, p0, p1, pp, d0, d1, dp, dd, gp, gd = _products(
-            value, slope, climb, sense, first - c, half, gray, weight, expected, behind, a, b, s
-        )
+            value, slope, climb, sense, first - c, half, gray, weight, expected, behind, cover,
+            covered, steepness, a, b, s,
+        )  # fmt: skip
         # Make x orthogonal to 1, then subtract each product's part that lies in both.
         mean, per_w0 = w1 / w0, 1 / w0
         per_w2 = 1 / (w2 - mean * w1)
@@ -221,13 +249,16 @@ def _fit_column(
         if step < 2 or abs(update) > REWEIGH_PX:
             # Weights from the model's gray values, not from the noisy ones, nor from those of a
             # model at another place, where dark pixels are bright and have a larger noise.
-            _expect(a, b, s, half, behind, expected, unknown)
+            _expect(a, b, s, half, sense, behind, cover, covered, steepness, expected, unknown)
             _weigh(gray, expected, unknown, behind, noise, full_scale, weight)
         elif abs(update) < TOLERANCE_PX:
             break
     chi2 = gg - a * gp
     if behind is not None:
         chi2 -= behind.prior * (a - behind.amplitude) ** 2
+        if cover is not None:
+            # The contrast with the ground's level, as before other grounds.
+            a -= behind.width * b
     fields[0], fields[1], fields[2] = c, 1 / np.sqrt(information), a
     fields[3], fields[4], fields[5] = 1 / np.sqrt(pp), b, max(chi2, 0.0)
 
@@ -238,7 +269,11 @@ def _expect(
     b: float,
     s: float,
     half: int,
+    sense: float,
     behind: _Behind | None,
+    cover: _Cover | None,
+    covered: Floats,
+    steepness: Floats,
     profile: Floats,
     unknown: Floats,
 ) -> None:
@@ -246,10 +281,14 @@ def _expect(
     for k in range(len(profile)):
         p, x, u = profile[k], float(k - half), 1.0
         if behind is not None:
-            u = _seen(behind, k, p)
-            cover = _cover(behind, p)
-            hidden = cover * cover * behind.fine
-            unknown[k] = ((b + s * x) * (1.0 - cover)) ** 2 * (behind.variance[k] + hidden)
+            if cover is None:
+                u, share = _seen(behind, k, p), _cover(behind, p)
+            else:
+                share = behind.width * covered[k]
+                steep = sense * behind.width * steepness[k]
+                u = _beside(behind.pattern, k, share, steep)
+            hidden = share * share * behind.fine
+            unknown[k] = ((b + s * x) * (1.0 - share)) ** 2 * (behind.variance[k] + hidden)
         profile[k] = max(a * p + b * u + s * x * u, 0.0)
 
 
@@ -265,6 +304,18 @@ def _seen(behind: _Behind, k: int, profile: float) -> float:
     return float(behind.pattern[k] + _cover(behind, profile) * (1.0 - behind.pattern[k]))
 
 
+@njit(inline="always")
+def _beside(pattern: Floats, k: int, share: float, steep: float) -> float:
+    """Compute what a pixel shows of the ground, over its level, beside a beam with a `share` of it.
+
+    What is seen of a pixel is on one side of the beam's edge, where the ground differs from the
+    pixel's mean by its slope: `steep` [1/px] is that of the share.
+    """
+    last = len(pattern) - 1
+    slope = 0.5 * (pattern[min(k + 1, last)] - pattern[max(k - 1, 0)])
+    return float(pattern[k] * (1.0 - share) - 0.5 * slope * steep * share * (1.0 - share))
+
+
 @njit(fastmath=FAST)
 def _products(
     value: Floats,
@@ -277,6 +328,9 @@ def _products(
     weight: Floats,
     profile: Floats,
     behind: _Behind | None,
+    cover: _Cover | None,
+    covered: Floats,
+    steepness: Floats,
     a: float,
     b: float,
     s: float,
@@ -304,9 +358,17 @@ def _products(
         w, g, x = weight[k], gray[k], float(k - half)
         u = 1.0
         if behind is not None:
-            u = _seen(behind, k, p)
-            if behind.width * p < 1.0:
-                d *= 1.0 + (b + s * x) / a * behind.width * (1.0 - behind.pattern[k])
+            if cover is None:
+                u = _seen(behind, k, p)
+                if behind.width * p < 1.0:
+                    d *= 1.0 + (b + s * x) / a * behind.width * (1.0 - behind.pattern[k])
+            else:
+                at = column - stride
+                covered[k] = table_value(cover.value, row, at, row_fraction, fraction)
+                steepness[k] = table_value(cover.slope, row, at, row_fraction, fraction)
+                share, steep = behind.width * covered[k], behind.width * steepness[k]
+                u = _beside(behind.pattern, k, share, sense * steep)
+                d -= (b + s * x) / a * behind.pattern[k] * steep
         wu, wg, wp, wd = w * u, w * g, w * p, w * d
         wx = wu * x
         w0, w1, w2 = w0 + wu * u, w1 + wx * u, w2 + wx * u * x

@@ -4,7 +4,8 @@ In a single column the ground under the beam looks like a part of the beam, and 
 follows it. Here centre and amplitude are smooth along the beam, so that the ground averages out.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -24,29 +25,110 @@ STARTS = (0.1, 0.5)
 DIFFERENCE = 1e-6
 
 
+class GroundErrors(NamedTuple):
+    """Variance of the points at rest by the ground, over that by the noise of their mean image.
+
+    `in_common` is the part that the mean of LAG points has, less that of independent errors.
+    """
+
+    whole: float
+    in_common: float
+
+
+NO_GROUND_ERRORS: Final = GroundErrors(0.0, 0.0)
+
+
+def silhouette(section: Section) -> Section:
+    """Return the section of a beam with an even brightness: its image is what the beam hides."""
+    return replace(section, roundness=0.0, skew=0.0)
+
+
 class BeamOnGround(NamedTuple):
     """The beam's section, and its amplitude [gray px] and distance from the path [px], each (n,).
 
-    Distances are along the path's normal.
+    Distances are along the path's normal. `ground_errors` are those by a ground that images
+    without the beam show.
     """
 
     section: Section
     amplitude: Floats
     off_path: Floats
+    ground_errors: GroundErrors = NO_GROUND_ERRORS
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Pixels of n columns across the beam, and what they show of beam and ground.
+
+    `gray` (n, m), its `sigma`, the `unseen` ground and its `slope` [gray/px] along the path's
+    normal are those at `distance` (n, m) [px] from the path; `climb` (n,) is that of the columns.
+    The ground is `bare` where images without the beam show it.
+    """
+
+    gray: Floats
+    sigma: Floats
+    unseen: Floats
+    slope: Floats
+    distance: Floats
+    climb: Floats
+    level: float
+    bare: bool
+
+    def hidden(self, section: Section, centre: Floats) -> tuple[Floats, Floats]:
+        """Compute the share (n, m) of a pixel that the beam hides, and its slope [1/px]."""
+        even, off_axis = profile(silhouette(section)), self.distance - centre[:, None]
+        width = 2 * section.radius
+        return (
+            width * interpolated(even.value[0], self.climb, off_axis),
+            width * interpolated(even.slope[0], self.climb, off_axis),
+        )
+
+    def deviation(self, section: Section, centre: Floats, amplitude: Floats) -> Floats:
+        """Compute the deviation (n, m) from the model; the amplitude is in units of the level."""
+        off_axis = self.distance - centre[:, None]
+        shape = interpolated(profile(section).value[0], self.climb, off_axis)
+        if self.bare:
+            # Of a pixel that the beam hides in part, one side is seen: see `profile_fit`.
+            cover, steep = self.hidden(section, centre)
+            model = (self.unseen - self.slope * steep * cover / 2) * (1 - cover)
+        else:
+            cover = np.clip(2 * section.radius * shape, 0, 1)
+            model = self.unseen + cover * (self.level - self.unseen)
+        model += self.level * amplitude[:, None] * shape
+        return np.asarray((self.gray - model) / self.sigma)
+
+    def by_centre(self, section: Section, centre: Floats, amplitude: Floats) -> Floats:
+        """Differentiate the deviation (n, m) by the centre of each column."""
+        here = self.deviation(section, centre, amplitude)
+        return (self.deviation(section, centre + DIFFERENCE, amplitude) - here) / DIFFERENCE
 
 
 def section_on_ground(
-    mean: Floats, noise_variance: Floats, places: Stations, radius: float, half: int, ground: Ground
+    mean: Floats,
+    noise_variance: Floats,
+    images: int,
+    places: Stations,
+    radius: float,
+    half: int,
+    ground: Ground,
 ) -> BeamOnGround:
-    """Fit the section to the mean (height, width) of the rest images, along n stations.
+    """Fit the section to the mean (height, width) of some rest images, along n stations.
 
     `noise_variance` (height, width) is that of a pixel of the mean; `radius` [px] is the rig's.
     """
     columns = places.take(places.within(half, mean.shape))
-    pixels, distance = columns.pixels(half), columns.offset(half)
-    gray, climb = mean[pixels], np.abs(columns.climb)
-    unseen = ground.gray[pixels].astype(np.float64)
-    sigma = np.sqrt(noise_variance[pixels] + ground.variance[pixels])
+    pixels = columns.pixels(half)
+    gray, unseen = mean[pixels], ground.gray[pixels].astype(np.float64)
+    model = _Model(
+        gray=gray,
+        sigma=np.sqrt(noise_variance[pixels] + ground.variance[pixels]),
+        unseen=unseen,
+        slope=columns.sense[:, None] * np.gradient(unseen, axis=1),
+        distance=columns.offset(half),
+        climb=np.abs(columns.climb),
+        level=ground.level,
+        bare=ground.bare_images > 0,
+    )
     basis = course_basis(columns.length, columns.length)
     terms = basis.shape[1]
 
@@ -59,31 +141,24 @@ def section_on_ground(
             float(np.clip(skew, -0.9, 0.9)),
         )
 
-    def deviation(section: Section, centre: Floats, amplitude: Floats) -> Floats:
-        """Compute the deviation (n, m) from the model; the amplitude is in units of the level."""
-        shape = interpolated(profile(section).value[0], climb, distance - centre[:, None])
-        cover = np.clip(2 * section.radius * shape, 0, 1)
-        model = unseen + cover * (ground.level - unseen)
-        model += ground.level * amplitude[:, None] * shape
-        return np.asarray((gray - model) / sigma)
-
     def course(p: Floats) -> tuple[Floats, Floats]:
         return basis @ p[4 : 4 + terms], basis @ p[4 + terms :]
 
     def residuals(p: Floats) -> Floats:
         prior = (p[:4] - EXPECTED) / SIGMAS
-        return np.concatenate([deviation(section(p), *course(p)).ravel(), prior])
+        return np.concatenate([model.deviation(section(p), *course(p)).ravel(), prior])
 
     def jacobian(p: Floats) -> Floats:
         """Differentiate by the section's parameters, and by centre and amplitude of each column."""
         centre, amplitude = course(p)
-        here = deviation(section(p), centre, amplitude)
+        here = model.deviation(section(p), centre, amplitude)
         by_section = [
-            (deviation(section(p + step), centre, amplitude) - here) / DIFFERENCE
+            (model.deviation(section(p + step), centre, amplitude) - here) / DIFFERENCE
             for step in DIFFERENCE * np.eye(len(p))[:4]
         ]
-        by_centre = (deviation(section(p), centre + DIFFERENCE, amplitude) - here) / DIFFERENCE
-        by_amplitude = (deviation(section(p), centre, amplitude + DIFFERENCE) - here) / DIFFERENCE
+        by_centre = model.by_centre(section(p), centre, amplitude)
+        ahead = model.deviation(section(p), centre, amplitude + DIFFERENCE)
+        by_amplitude = (ahead - here) / DIFFERENCE
         result = np.zeros((here.size + 4, len(p)))
         result[:-4, :4] = np.stack(by_section, axis=-1).reshape(-1, 4)
         result[:-4, 4 : 4 + terms] = (by_centre[..., None] * basis[:, None]).reshape(-1, terms)
@@ -96,7 +171,7 @@ def section_on_ground(
     for spread in STARTS:
         start = np.zeros(4 + 2 * terms)
         start[:4] = 0.0, spread, 1.0, 0.0
-        start[4 + terms] = np.median(total)
+        start[4 + terms] = np.median(total) + (2 * radius if model.bare else 0.0)
         fits.append(
             least_squares(
                 residuals,
@@ -110,6 +185,21 @@ def section_on_ground(
         )
     p = min(fits, key=lambda fit: float(fit.cost)).x
     everywhere = course_basis(places.length, columns.length)
-    return BeamOnGround(
-        section(p), ground.level * (everywhere @ p[4 + terms :]), everywhere @ p[4 : 4 + terms]
+    amplitude, off_path = everywhere @ p[4 + terms :], everywhere @ p[4 : 4 + terms]
+    if not model.bare:
+        return BeamOnGround(section(p), ground.level * amplitude, off_path)
+    # The contrast with the ground's level, as before other grounds.
+    amplitude -= 2 * section(p).radius
+    cover, _ = model.hidden(section(p), course(p)[0])
+    seen = (1 - cover) ** 2
+    of_fine = seen * cover**2 * ground.fine
+    of_ground = seen * ground.variance[pixels] + of_fine
+    of_mean = noise_variance[pixels]
+    # A centre is the pixels' sum with these weights, by the noise of one image.
+    weight = model.by_centre(section(p), *course(p)) * model.sigma / (of_ground + images * of_mean)
+    whole, fine = (
+        float(np.median((weight**2 * part).sum(axis=1) / (weight**2 * of_mean).sum(axis=1)))
+        for part in (of_ground, of_fine)
     )
+    errors = GroundErrors(whole, fine * ground.fine_in_common)
+    return BeamOnGround(section(p), ground.level * amplitude, off_path, errors)

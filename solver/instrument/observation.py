@@ -5,8 +5,8 @@ observations/
   calibration/view_00.png ...   board views; view 0 lies in plane C; a laboratory's may be JPEG,
                                 TIFF or BMP, as all its images
   rest/rest_00.png ...          the beam before contact
-  ground/ground_00.png ...      a laboratory's: the ground without the beam, in the same light; may
-                                be missing; size and depth are checked, and it is not used yet
+  ground/ground_00.png ...      the ground before the beam is mounted, in the same place and light;
+                                may be missing
   shard_00000/metadata.csv      one row per frame: see solver/instrument/metadata.py
   shard_00000/<frame_id>.png    one image per frame
   images/metadata.csv, images/*          of a laboratory, in place of shards; the table may be
@@ -58,6 +58,10 @@ class Observations:
     def read_rest_images(self) -> Iterator[Grey]:
         """Read the rest images one by one, with the same channel as frames. Raises InputError."""
         return (read_grey(path, self.rig.channel) for path in self.rest_images)
+
+    def read_ground_images(self) -> Iterator[Grey]:
+        """Read the images of the ground one by one, with the same channel. Raises InputError."""
+        return (read_grey(path, self.rig.channel) for path in self.ground_images)
 
 
 def open_observations(root: str | Path) -> Observations:

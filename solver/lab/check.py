@@ -31,7 +31,8 @@ class CalibrationReport:
     rest from a line, 0 if no bow was detected. `roughness_px` is the part of a centre's error that
     is not due to sensor noise. `beam` to `roughness_px` are None for a centreline that does not
     learn the beam's appearance. `ground_images` is the number of images of the ground without the
-    beam, which are not used yet. `budget` is that of a usual push, None where it is not estimated.
+    beam, `ground_gain` and `ground_shift_px` are light and place of the rest images against them,
+    None where they are not used. `budget` is that of a usual push, None where it is not estimated.
     `findings` are contradictions between images and rig.json.
     """
 
@@ -60,6 +61,8 @@ class CalibrationReport:
     spread_px: float | None
     roughness_px: float | None
     ground_images: int
+    ground_gain: float | None
+    ground_shift_px: tuple[float, float] | None
     budget: ErrorBudget | None
     findings: tuple[Finding, ...]
 
@@ -119,8 +122,6 @@ class CalibrationReport:
                 f"{self.beam}, width {self.width_px:.2f} px, blur {self.spread_px:.2f} px (sigma), "
                 f"roughness {self.roughness_px:.3f} px"
             )
-        ground = f"{self.ground_images} images without the beam, not used yet"
-        ground = ground if self.ground_images else ""
         rows = (
             ("reprojection RMS", f"{self.reprojection_px:.3f} px"),
             ("focal length", f"{_with_sigma(self.focal, self.focal_sigma)} {focal_unit}"),
@@ -141,7 +142,7 @@ class CalibrationReport:
                 f"variance {self.noise_dark:.3g} + {self.noise_per_gray:.3g} x gray value",
             ),
             ("beam appearance", appearance),
-            ("ground", ground),
+            ("ground", self._ground),
             ("expected errors", "" if self.budget is None else self.budget.text),
             ("assessment", self.meaning),
         )
@@ -149,6 +150,20 @@ class CalibrationReport:
         indent = "\n" + 17 * " "
         aligned = ((name, value.replace("\n", indent)) for name, value in shown)
         return "\n".join(f"{name:16} {value}" for name, value in aligned)
+
+    @property
+    def _ground(self) -> str:
+        """Describe the use of images of the ground without the beam; "" if there are none."""
+        if not self.ground_images:
+            return ""
+        images = f"{self.ground_images} images without the beam"
+        if self.ground_gain is None or self.ground_shift_px is None:
+            return f"{images}, not used"
+        u, v = self.ground_shift_px
+        return (
+            f"{images}, used: since then the light is {self.ground_gain:.3f} times as bright, and "
+            f"the image has shifted by {u:.3f}, {v:.3f} px"
+        )
 
 
 def calibration_report(
@@ -159,12 +174,15 @@ def calibration_report(
 ) -> CalibrationReport:
     """Collect the report on an antenna, with what `frames` of pushes contradict, if there are any.
 
-    `ground_images` is the number of images of the ground without the beam, `of_files` are the
-    findings about the rig's files.
+    `ground_images` is the number of images of the ground without the beam, for a centreline that
+    does not learn the beam's appearance; `of_files` are the findings about the rig's files.
     """
     calibration, rest, noise = antenna.calibration, antenna.rest, antenna.at_rest.noise
     camera, detector = calibration.camera, antenna.extract.detector
     look = None if detector is None else detector.appearance
+    bare = None if look is None else look.bare_ground
+    ground = None if look is None else look.ground_at_rest
+    match = None if bare is None or ground is None or not ground.bare_images else bare.match
     sigmas: list[float | None] = [None] * 3
     if calibration.covariance is not None:
         sigmas = [float(sigma) for sigma in np.sqrt(np.diag(calibration.covariance)[:3])]
@@ -197,7 +215,9 @@ def calibration_report(
         width_px=None if look is None else 2 * look.section.radius,
         spread_px=None if look is None else look.section.spread,
         roughness_px=None if look is None else look.sigma_px,
-        ground_images=ground_images,
+        ground_images=ground_images if bare is None else bare.images,
+        ground_gain=None if match is None else match.gain,
+        ground_shift_px=None if match is None else (float(match.shift[0]), float(match.shift[1])),
         budget=error_budget(antenna),
         findings=(*of_files, *findings(antenna, frames)),
     )

@@ -1,5 +1,6 @@
 """Consistency checks of a rig before use: board views and rest images against rig.json."""
 
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from solver.at_rest.landmarks import FARTHEST
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.first_contact import nearest_linear_bend
+from solver.instrument.arrays import Grey
 from solver.instrument.board import Charuco
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
@@ -38,9 +40,11 @@ class Finding(NamedTuple):
 
 def findings(antenna: Antenna, frames: Sequence[ImageFrame] = ()) -> tuple[Finding, ...]:
     """List the contradictions among board views, rest images, `frames` of pushes and rig.json."""
-    checks = (_stretched, _copies, _left_out, _second_line, _bent, _scale, _pose, _landmarks)
+    checks = (
+        _stretched, _copies, _left_out, _second_line, _ground, _bent, _scale, _pose, _landmarks,
+    )  # fmt: skip
     of_rest = (finding for check in checks for finding in check(antenna))
-    return (*of_rest, *_side(antenna, frames))
+    return (*of_rest, *_ground_in_frames(antenna, frames), *_side(antenna, frames))
 
 
 def _stretched(antenna: Antenna) -> Iterator[Finding]:
@@ -72,6 +76,30 @@ def _second_line(antenna: Antenna) -> Iterator[Finding]:
     detector = antenna.extract.detector
     if detector is not None and detector.appearance.second_line:
         yield Finding("second_line", detector.appearance.second_line)
+
+
+def _ground(antenna: Antenna) -> Iterator[Finding]:
+    detector = antenna.extract.detector
+    bare = None if detector is None else detector.appearance.bare_ground
+    if bare is not None and bare.problem:
+        yield Finding("ground_inconsistent", bare.problem)
+
+
+def _ground_in_frames(antenna: Antenna, frames: Sequence[ImageFrame]) -> Iterator[Finding]:
+    """Compare frames with a ground that was photographed without the beam."""
+    detector = antenna.extract.detector
+    ground = None if detector is None else detector.appearance.ground_at_rest
+    if detector is None or ground is None or not ground.bare_images:
+        return
+    noise, images = detector.appearance.noise, list(_scaled(antenna, frames[:CHECKED_FRAMES]))
+    without = [image for image in images if ground.in_image(image, noise).gain(image) is None]
+    if len(without) > len(images) / 2:
+        yield Finding(
+            "ground_not_in_frames",
+            f"{len(without)} of {len(images)} images of pushes do not show the ground of the "
+            "images in ground/, which does not serve them: the camera, the ground or the focus has "
+            "changed since",
+        )
 
 
 def _bent(antenna: Antenna) -> Iterator[Finding]:
@@ -194,6 +222,16 @@ def _side(antenna: Antenna, frames: Sequence[ImageFrame]) -> Iterator[Finding]:
             f"other side than beam.deflects_towards {side} states: write {-side}, or the images "
             "are mirrored",
         )
+
+
+def _scaled(antenna: Antenna, frames: Sequence[ImageFrame]) -> Iterator[Grey]:
+    """Yield the images (height, width) of frames on the rest images' scale, if they are usable."""
+    size = antenna.calibration.camera.height, antenna.calibration.camera.width
+    for frame in frames:
+        with contextlib.suppress(InputError):
+            image = antenna.scale(frame.image())
+            if image.shape == size:
+                yield image
 
 
 def _significance(antenna: Antenna, frame: ImageFrame) -> float:

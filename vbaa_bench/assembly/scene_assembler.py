@@ -64,6 +64,12 @@ class SceneAssembler:
         """Build the world of the beam at rest, without an object."""
         return self._world(dict(self._antenna_and_ground(experiment, experiment.rest, 0.0)))
 
+    def without_beam(self, experiment: Experiment) -> World:
+        """Build the world before the beam is mounted."""
+        surfaces = dict(self._antenna_and_ground(experiment, experiment.rest, 0.0))
+        del surfaces["beam"]
+        return self._world(surfaces)
+
     def pushed_world(self, pose: Pose) -> World:
         """Build the world of the beam pushed against its object."""
         return self._world(self.surfaces(pose))

@@ -98,12 +98,18 @@ class DatasetWorker:
                 yield spec.frame_id, self._reason(error)
 
     def image(self, on_progress: Callable[[], None], name: str, exposure: float) -> str:
-        """Save one calibration or rest image, such as rest/rest_00.png; return its sha256.
+        """Save an image of board, beam at rest or ground, such as rest/rest_00.png.
+
+        Return its sha256.
 
         Raises ImageError if it cannot be rendered.
         """
         kind, _, number = PurePath(name).stem.partition("_")
-        rendered = {"view": self.renderer.board_image, "rest": self.renderer.rest_image}[kind]
+        rendered = {
+            "view": self.renderer.board_image,
+            "rest": self.renderer.rest_image,
+            "ground": self.renderer.ground_image,
+        }[kind]
         with aside(self.layout, image_job(name)) as own, self._indispensable(own, name):
             image = rendered(int(number), exposure)
         data = png_bytes(image)

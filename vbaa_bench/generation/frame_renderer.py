@@ -116,20 +116,24 @@ class FrameRenderer:
         """World of the beam before contact, with the motor at angle zero, in one rest image."""
         if not self.scene.random_keys:
             return self._rest_world
+        return self._at_rest(self._rest_assembler(number))
+
+    def _rest_assembler(self, number: int) -> SceneAssembler:
+        """Return the assembler of a rest image."""
+        if not self.scene.random_keys:
+            return self.assembler
         scene = rest_scene(self.scene, number)
         pattern_id = rest_static_pattern_id(self.scene, number)
         # What does not move must not depend on the object that was drawn for this image.
         still_scene = None if pattern_id else self.scene
         grime_id = rest_grime_id(self.scene, number)
-        return self._at_rest(
-            SceneAssembler(
-                scene,
-                self.rig,
-                self.folder,
-                pattern_id,
-                grime_id=grime_id,
-                still_scene=still_scene,
-            )
+        return SceneAssembler(
+            scene,
+            self.rig,
+            self.folder,
+            pattern_id,
+            grime_id=grime_id,
+            still_scene=still_scene,
         )
 
     @cached_property
@@ -217,6 +221,23 @@ class FrameRenderer:
         rendered = render_frame(world, static, target, seed)
         lit = self._exposed([rendered], "rest sensor", number)
         return self._expose(lit, exposure, "rest sensor", number)
+
+    def ground_image(self, number: int, exposure: float) -> Grey:
+        """Render one image of the ground, as in the rest image of this number without the beam."""
+        seed = render_seed(self.scene, "ground", number)
+        target = self._noise_target(self.sensor(exposure).noise_sigma)
+        assembler = self._rest_assembler(number)
+        world = assembler.without_beam(Experiment.at_rest(assembler.scene, self.rig, self.folder))
+        pattern_id = rest_static_pattern_id(self.scene, number)
+        # The layer of the world with the beam, whose surfaces have the indices of all frames.
+        static = (
+            None
+            if pattern_id
+            else self._static_layer(self.rest_world(number), pattern_id, exposure)
+        )
+        rendered = render_frame(world, static, target, seed)
+        lit = self._exposed([rendered], "ground sensor", number)
+        return self._expose(lit, exposure, "ground sensor", number)
 
     def frame(self, spec: FrameSpec, metering: Metering) -> RenderedFrame:
         """Render one frame and collect its truth."""

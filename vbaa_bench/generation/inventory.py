@@ -24,10 +24,11 @@ from vbaa_bench.scene.schema import Scene
 
 
 def image_names(scene: Scene) -> tuple[str, ...]:
-    """Name the board views and the rest images of a scene, as in observations/."""
+    """Name the images of board, beam at rest and ground of a scene, as in observations/."""
     return (
         *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
         *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
+        *(f"ground/ground_{number:02d}.png" for number in range(scene.sensor.ground_images)),
     )
 
 

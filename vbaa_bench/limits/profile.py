@@ -10,6 +10,10 @@ mean. Then the information on parameters a and b is the sum over pixels of
 (Kay 1993, eq. 3.31, without the part of the variance's own change, which is smaller by the number
 of electrons). A sum over pixels at random places relative to the beam is the integral over the
 normal: there is one pixel per unit of area.
+
+The background is that of the ground's mean reflectance, and the structure of a ground is known to
+the last detail: the limit is that of exact images of the ground without the beam. With n noisy
+ones, the variance of a pixel beside the beam is larger by the factor 1 + 1 / n.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,8 @@
 """The image sensor."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from solver.instrument.units import MICRO, PERCENT
 from vbaa_bench.scene.part import NonNegative, Part
@@ -11,7 +11,7 @@ from vbaa_bench.scene.part import NonNegative, Part
 BayerPattern = Literal["rggb", "bggr", "grbg", "gbrg"]
 
 # Fields that an ideal sensor may set; all others keep their defaults.
-_IDEAL = ("bits", "beam_peak_pct", "rest_images", "exposure_s", "line_time_us")
+_IDEAL = ("bits", "beam_peak_pct", "rest_images", "ground_images", "exposure_s", "line_time_us")
 
 _PartsPerMillion = Annotated[float, Field(ge=0, le=1e5)]
 _Signal = Annotated[float, Field(ge=0.01, le=1)]
@@ -77,6 +77,11 @@ class SensorSpec(Part):
     rest_images: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=4, description="Number of images of the beam at rest."
     )
+    ground_images: Annotated[int, Field(ge=0, le=1000)] = Field(
+        default=0,
+        description="Number of images of the ground without the beam, as taken before it is "
+        "mounted.",
+    )
     quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0,
         description="Electrons per photon; as the beam's peak is prescribed, a lower one "
@@ -136,6 +141,14 @@ class SensorSpec(Part):
         "frame of Motion JPEG, and decoded; files are PNG of the decoded gray values. Of a "
         "colour image, only the gray one is compressed.",
     )
+
+    @model_serializer(mode="wrap")
+    def _without_ground(self, serialised: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave `ground_images` out where there are none: the files of earlier datasets stay."""
+        values: dict[str, Any] = serialised(self)
+        if not self.ground_images:
+            values.pop("ground_images", None)
+        return values
 
     @property
     def line_time_s(self) -> float:

@@ -8,6 +8,8 @@ from solver.at_rest.agreement import disagreements
 from solver.at_rest.rest_line import SMALL_BOW_PX, fit_rest_line
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
+from solver.centreline.section_on_ground import GroundErrors
+from solver.centreline.smooth import LAG
 from solver.instrument.beam_shape import UNIFORM
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
@@ -115,6 +117,34 @@ def test_errors_that_repeat_from_image_to_image_count_in_the_covariance(
     # chi^2 of two degrees of freedom; for independent errors alone it is 15. It is 0.6: the shared
     # error is stated for the worst phase.
     assert 0.25 < np.mean(chi2) < 4.0
+
+
+@pytest.mark.parametrize("length", [1, 12])
+def test_errors_of_a_known_ground_do_not_follow_the_rows(length: int) -> None:
+    """Errors that repeat because of the ground are independent, but for neighbours on one grain."""
+    chi2, narrower = [], []
+    for draw in range(60):
+        random = generator(__name__, draw)
+        images = lines(2e-5 + 1e-3 * X, random, camera=LEVEL)
+        n = len(images[0].points)
+        white = random.standard_normal(n + length - 1)
+        ground = SIGMA_PX * np.convolve(white, np.full(length, length**-0.5), "valid")
+        wrong = [
+            replace(one, points=one.points + np.column_stack([np.zeros(n), ground]))
+            for one in images
+        ]
+        # The mean of four images has a quarter of the variance of one.
+        lags = np.arange(1, LAG)
+        rho = np.clip(1 - lags / length, 0, None)
+        in_common = 2 * float((LAG - lags) @ rho) / LAG**2
+        stated = GroundErrors(4.0, 4.0 * in_common)
+        rest = fit_rest_line(wrong, Calibration(LEVEL, 0.02), rig(), stated)
+        error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
+        chi2.append(error @ np.linalg.solve(rest.line_covariance, error))
+        unstated = fit_rest_line(wrong, Calibration(LEVEL, 0.02), rig())
+        narrower.append(rest.line_covariance[0, 0] / unstated.line_covariance[0, 0])
+    assert 1.0 < np.mean(chi2) < 3.5  # two degrees of freedom: 2 +- 0.26
+    assert np.median(narrower) < 0.5
 
 
 @pytest.mark.parametrize("together", [False, True])

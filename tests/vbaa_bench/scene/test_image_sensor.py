@@ -18,7 +18,7 @@ from vbaa_bench.scene.image_sensor import SensorSpec
         (
             {"kind": "ideal", "read_noise_e": 5.0, "gamma": 2.2},
             "kind is ideal and read_noise_e, gamma given, allowed with it are bits, "
-            "beam_peak_pct, rest_images, exposure_s, line_time_us",
+            "beam_peak_pct, rest_images, ground_images, exposure_s, line_time_us",
         ),
         (
             {"gain_e_per_gray": 100.0},
