@@ -1,7 +1,7 @@
 """Antenna: data learned once per rig, and derived quantities that hold for every frame."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from solver.calibrate import Calibration
 from solver.centreline.extractor import Extractor
 from solver.instrument.arrays import Floats
 from solver.instrument.gray_scale import EIGHT_BIT, GrayScale
+from solver.instrument.grid_error import GridError
 from solver.instrument.measurement import Tip
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
@@ -46,6 +47,16 @@ class Antenna:
     def extract(self) -> Extractor:
         """The beam extractor."""
         return self.at_rest.extract
+
+    def without(self, error: GridError | None) -> "Antenna":
+        """Return the antenna whose beam at rest is measured without an error of the pixel grid.
+
+        `error` is that of a frame's centreline, from which it has been subtracted.
+        """
+        if error is None or not self.at_rest.lines:
+            return self
+        at_rest = self.at_rest.without(error, self.calibration, self.rig)
+        return replace(self, at_rest=at_rest)
 
     @cached_property
     def antenna_from_beam(self) -> Floats:

@@ -35,6 +35,7 @@ def to_measurement(
     `earlier` are the measurements of the same push before this one. Points within the readings'
     removed stretch are left out.
     """
+    antenna = antenna.without(line.grid_error)
     camera, rig, rest = antenna.calibration.camera, antenna.rig, antenna.rest
     points = line.points - line.shift
     points, sigmas = on_plane(camera, points, line.directions * line.sigma[:, None])

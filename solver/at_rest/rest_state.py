@@ -9,6 +9,7 @@ import numpy as np
 from solver.at_rest.agreement import Learn, agreeing_images
 from solver.at_rest.landmarks import Landmarks, learn_landmarks
 from solver.at_rest.rest_line import RestLine, fit_rest_line
+from solver.at_rest.rest_points import without_grid_error
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
@@ -18,6 +19,7 @@ from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.section_on_ground import NO_GROUND_ERRORS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
+from solver.instrument.grid_error import GridError
 from solver.instrument.rig import Rig
 from solver.instrument.units import DEGREE
 
@@ -38,7 +40,8 @@ class RestState:
     `rejected` holds the indices, among the distinct images, of those that disagree with the others.
     `tip` (2,) [px] is the image of the free end and `tip_covariance` (2, 2) [px^2] its covariance;
     None where it is not detected. Then `length_seen` [m] is the distance from the clamp to an end
-    elsewhere, None where there is none either. `sigma_px` is the median one of a point.
+    elsewhere, None where there is none either. `sigma_px` is the median one of a point. `lines` are
+    the centrelines of the images that agree.
     """
 
     extract: Extractor
@@ -51,6 +54,15 @@ class RestState:
     rejected: tuple[int, ...]
     length_seen: float | None = None
     sigma_px: float = 0.0
+    lines: tuple[Centreline, ...] = ()
+
+    def without(self, error: GridError, calibration: Calibration, rig: Rig) -> "RestState":
+        """Fit the line again to centrelines without an error that repeats with the pixel grid.
+
+        A beam at rest hardly crosses the grid, so that such an error looks like a bow.
+        """
+        lines = [without_grid_error(line, error) for line in self.lines]
+        return replace(self, line=fit_rest_line(lines, calibration, rig))
 
 
 def learn_rest_state(

@@ -18,6 +18,7 @@ from solver.centreline.effective_profile import (
 from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
+from solver.centreline.pixel_grid import grid_period
 from solver.centreline.profile import Profile, Section, profile, tilt_response
 from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.rest_columns import RestColumns, Shape, check_count, shape_of
@@ -57,11 +58,11 @@ class Appearance:
     the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
     ground without structure; `bare_ground` is what images without the beam show of it, None where
     there are none. Then `silhouette` is the profile of what the beam hides, and `ground_errors`
-    those by the ground at rest. A profile that
-    `is_sampled` is that of the images, not that of the section; one that is `in_part` was seen at
-    some places between the pixels only. `second_line` describes a line beside the beam, "" if there
-    is none, and `second_line_sigma_px` is that of the error by which it moves all of the beam.
-    `faces` are those of a flat strip that shows two.
+    those by the ground at rest. A profile that `is_sampled` is that of the images, not that of the
+    section; one that is `in_part` was seen at some places between the pixels only. `second_line`
+    describes a line beside the beam, "" if there is none, and `second_line_sigma_px` is that of the
+    error by which it moves all of the beam. `faces` are those of a flat strip that shows two.
+    `grid_period` [px] is that of the grid on which the images were processed, 0 for raw ones.
     """
 
     polarity: int
@@ -85,6 +86,7 @@ class Appearance:
     second_line: str = ""
     second_line_sigma_px: float = 0.0
     faces: Faces | None = None
+    grid_period: int = 0
 
     def fits(self, image: Grey, places: Stations, known: KnownGround | None = None) -> Fits:
         """Fit the columns of an image (height, width), before a known ground if there is one."""
@@ -186,7 +188,12 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
             "beam"
         )
     radius = look.section.radius * guide.pixel
-    look = replace(look, second_line=second_line, second_line_sigma_px=moved_px)
+    look = replace(
+        look,
+        second_line=second_line,
+        second_line_sigma_px=moved_px,
+        grid_period=grid_period(images, noise),
+    )
     guide = replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
     if bare is None:
         return look, guide

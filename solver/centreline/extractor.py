@@ -16,6 +16,7 @@ from solver.centreline.appearance import Appearance, learn_appearance
 from solver.centreline.finding import find_path
 from solver.centreline.flags import Columns, fit_and_flag_outliers, flag_columns
 from solver.centreline.following import follow
+from solver.centreline.grid_fit import fit_grid_error
 from solver.centreline.ground import Ground
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import KnownGround
@@ -24,6 +25,7 @@ from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.tip import TipEstimate, find_tip
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
+from solver.instrument.grid_error import GridError
 from solver.instrument.medians import median
 
 # A numpy scalar is compiled once, a literal anew.
@@ -52,13 +54,15 @@ class _Course(NamedTuple):
     """Columns at n stations, and the beam's course along them.
 
     `on_beam` (n,) are the stations before the tip, `smooth` [px] is the beam's course beside the
-    path, of length 0 if too few columns show the beam.
+    path, of length 0 if too few columns show the beam. `grid_error` has been subtracted from the
+    centres; None if there is none.
     """
 
     columns: Columns
     on_beam: Mask
     tip: TipEstimate | None
     smooth: Floats
+    grid_error: GridError | None
 
 
 @dataclass(frozen=True)
@@ -161,6 +165,7 @@ class BeamExtractor:
             tip_covariance=None if tip is None else tip.covariance,
             common_sigma=math.hypot(common_sigma, self.appearance.second_line_sigma_px),
             remark=self._remark(brightness, background) if len(points) else "",
+            grid_error=course.grid_error,
         )
 
     def _course(self, image: Grey, flat: Grey, ground: Ground | None, places: Stations) -> _Course:
@@ -176,13 +181,33 @@ class BeamExtractor:
             tip = None
         # The beam covers its last columns only in part.
         on_beam = places.length < (length_px if tip is None else tip.length - 1.5)
-        # Offsets from the path along its normal: a beam that is read by columns first and then
-        # by rows remains one curve.
-        off_path = places.sense * (columns.fits.centre - places.start)
-        smooth = fit_and_flag_outliers(
-            places.length, off_path, columns.sigma, columns.brightness, on_beam, columns.flags
-        )
-        return _Course(columns, on_beam, tip, smooth)
+        grid_error = None
+        if self.appearance.grid_period:
+            columns, grid_error = self._without_grid_error(places, columns, on_beam)
+        smooth = _flag_outliers(places, columns, on_beam)
+        return _Course(columns, on_beam, tip, smooth, grid_error)
+
+    def _without_grid_error(
+        self, places: Stations, columns: Columns, on_beam: Mask
+    ) -> tuple[Columns, GridError | None]:
+        """Subtract the error that repeats with the pixel grid; only noise is left in the sigmas.
+
+        The error is None where the centres cannot show it.
+        """
+        # Copies, whose sigmas are enlarged by this error.
+        first = columns._replace(sigma=columns.sigma.copy(), flags=columns.flags.copy())
+        smooth = _flag_outliers(places, first, on_beam)
+        if not len(smooth):
+            return columns, None
+        centre, across = columns.fits.centre, places.start + places.sense * smooth
+        used = on_beam & (columns.flags == 0)
+        error = fit_grid_error(places, across, centre - across, used, self.appearance.grid_period)
+        if error is None:
+            return columns, None
+        moved = places.upright == error.upright
+        centre = centre - np.where(moved, error.at(places.along.astype(np.float64), across), 0.0)
+        sigma = np.where(moved, columns.noise, columns.sigma)
+        return columns._replace(fits=columns.fits._replace(centre=centre), sigma=sigma), error
 
     def _remark(self, beam: float, background: float) -> str:
         """Describe the change of brightness of beam and background since rest; "" if small."""
@@ -202,6 +227,19 @@ class BeamExtractor:
             f"this image differs from the rest images: background {ratio:.2g} times and beam "
             f"{beam:.2g} times as bright; has exposure, gain, gamma or light changed?"
         )
+
+
+def _flag_outliers(places: Stations, columns: Columns, on_beam: Mask) -> Floats:
+    """Flag outliers at n stations, and enlarge sigmas, in place; return the smooth course (n,).
+
+    Its offsets are from the path along its normal: a beam that is read by columns first and then by
+    rows remains one curve.
+    """
+    off_path = places.sense * (columns.fits.centre - places.start)
+    smooth: Floats = fit_and_flag_outliers(
+        places.length, off_path, columns.sigma, columns.brightness, on_beam, columns.flags
+    )
+    return smooth
 
 
 @njit

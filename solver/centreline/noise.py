@@ -86,19 +86,28 @@ def _over_images(images: Sequence[Grey]) -> tuple[Floats, Floats]:
     Images are read one by one: as one array of floats, twelve of 12 megapixels would take a
     gigabyte.
     """
-    n = len(images)
-    mean = np.zeros(images[0].shape)
-    for image in images:
-        mean += image
-    mean /= n
-    total = max(float(np.einsum("hw,hw->", mean, mean)), 1e-12)
+    n, mean = len(images), mean_image(images)
     deviations, squares = np.zeros(mean.shape), np.zeros(mean.shape)
     for image in images:
-        brightness = max(float(np.einsum("hw,hw->", image, mean)) / total, 1e-6)
-        deviation = image / brightness - mean
+        deviation = deviation_from(mean, image)
         deviations += deviation
         squares += deviation * deviation
     return mean, (squares - deviations * deviations / n) / (n - 1)
+
+
+def mean_image(images: Sequence[Grey]) -> Floats:
+    """Average images (height, width), which are read one by one."""
+    mean = np.zeros(images[0].shape)
+    for image in images:
+        mean += image
+    return mean / len(images)
+
+
+def deviation_from(mean: Floats, image: Grey) -> Floats:
+    """Compute the deviation (height, width) from the mean image, less a change of brightness."""
+    total = max(float(np.einsum("hw,hw->", mean, mean)), 1e-12)
+    brightness = max(float(np.einsum("hw,hw->", image, mean)) / total, 1e-6)
+    return np.asarray(image / brightness - mean)
 
 
 def _mean_variance(scatter: Floats, n_images: int) -> float:

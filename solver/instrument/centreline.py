@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.instrument.arrays import Floats, freeze
+from solver.instrument.grid_error import GridError
 
 # Largest difference of a direction's length from 1. Chosen: it changes no sigma by more.
 _UNIT = 1e-6
@@ -33,7 +34,7 @@ class Centreline:
     deviation of the error, along the directions, that all points share. `shift` (2,) [px] is that
     of the whole image since the rest images, with the covariance `shift_covariance` (2, 2) [px^2];
     the points contain it. `remark` describes how the image differs from the rest images; it is ""
-    if it does not differ.
+    if it does not differ. `grid_error` has been subtracted from the points; None if there is none.
     """
 
     points: Floats
@@ -47,6 +48,7 @@ class Centreline:
     shift: Floats = field(default_factory=lambda: np.zeros(2))
     shift_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
     remark: str = ""
+    grid_error: GridError | None = None
 
     def __post_init__(self) -> None:
         count = len(freeze(self, "points", (None, 2)))

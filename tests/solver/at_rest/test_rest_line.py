@@ -6,6 +6,7 @@ import pytest
 
 from solver.at_rest.agreement import disagreements
 from solver.at_rest.rest_line import SMALL_BOW_PX, fit_rest_line
+from solver.at_rest.rest_points import without_grid_error
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
 from solver.centreline.section_on_ground import GroundErrors
@@ -13,6 +14,7 @@ from solver.centreline.smooth import LAG
 from solver.instrument.beam_shape import UNIFORM
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
+from solver.instrument.grid_error import GridError
 from solver.instrument.transforms import camera_looking_at
 from tests.draws import generator
 from tests.simulated import BEAM, rig
@@ -254,3 +256,31 @@ def test_what_the_rig_states_of_the_bow_holds_but_for_distortion(
     )
     assert certain < 0.05 * unknown
     assert distorted == pytest.approx(unknown)
+
+
+def test_a_known_error_of_the_grid_is_no_bow(random: np.random.Generator) -> None:
+    """The beam crosses less than a row: alone, the error cannot be distinguished from a bow."""
+    covariance = 1e-3**2 * np.eye(4)
+    known = GridError(True, np.array([[0.0, 0.5], [0.5, 0.5]]), np.array([0.05, 0.1, -0.08, 0.03]),
+                      covariance)  # fmt: skip
+    chi2, sizes = [], []
+    for _ in range(20):
+        # What a frame shows of the error is not exactly what it is.
+        truth = known._replace(
+            coefficients=random.multivariate_normal(known.coefficients, covariance)
+        )
+        images = []
+        for line in lines(2e-5 + 1e-3 * X, random, camera=LEVEL):
+            along, across = line.points.T
+            moved = np.column_stack([along, across + truth.at(along, across)])
+            images.append(replace(line, points=moved, sigma=np.full(len(along), 0.09)))
+        calibration = Calibration(LEVEL, 0.02)
+        corrected = [without_grid_error(line, known) for line in images]
+        rest = fit_rest_line(corrected, calibration, rig())
+        error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
+        chi2.append(error @ np.linalg.solve(rest.line_covariance, error) / 2)
+        before = fit_rest_line(images, calibration, rig())
+        sizes.append(before.line_covariance[0, 0] / rest.line_covariance[0, 0])
+        assert without_grid_error(corrected[0], known) is corrected[0]
+    assert 0.2 < np.mean(chi2) < 2.0  # 1 +- 0.2 if the bow were not fitted, too
+    assert np.median(sizes) > 25
