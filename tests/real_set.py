@@ -6,6 +6,8 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Gravity
@@ -28,8 +30,13 @@ def write_complete_set(observations: Observations, folder: Path) -> Path:
     folder.mkdir()
     (folder / "rig.json").write_text(rig_to_json(rig), encoding="utf-8")
     _copy(observations.board_views, folder / "calibration", "view")
-    for name in ("rest", "ground", "ruler"):
+    for name in ("rest", "ruler"):
         _copy(observations.rest_images, folder / name, name)
+    (folder / "ground").mkdir()
+    for number, path in enumerate(observations.rest_images):
+        ground = np.full_like(read_grey(path), 10)
+        ground[0, number] = 11
+        (folder / "ground" / f"ground_{number:02d}.png").write_bytes(png_bytes(ground))
     (folder / "images").mkdir()
     image = read_grey(observations.frames[0].path)
     rows = []

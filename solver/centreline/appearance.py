@@ -264,7 +264,7 @@ def _look(
     fits, good = shape.fits, shape.good
     amplitude = np.mean([f.amplitude for f in fits], axis=0)[good]
     # What is not known of the section moves all centres at rest alike.
-    moved = [float(np.median(np.abs(shape.centre - other.centre)[good])) for other in others]
+    unknown = [float(np.median(np.abs(shape.centre - other.centre)[good])) for other in others]
     look = _described_by(
         shape,
         rest,
@@ -276,7 +276,7 @@ def _look(
     )
     return replace(
         look,
-        sigma_px=math.hypot(look.sigma_px, max(moved, default=0.0)),
+        sigma_px=math.hypot(look.sigma_px, *unknown),
         is_sampled=seen is None and sampled is not None and shape.table is sampled,
         in_part=rest.in_part,
         faces=None if seen is None else seen.faces,

@@ -146,7 +146,9 @@ def test_an_image_that_cannot_be_rendered_costs_its_rig(
 
     class Dark(DatasetWorker):
         def __post_init__(self) -> None:
-            self.renderer: Any = SimpleNamespace(rest_image=dark, board_image=dark)
+            self.renderer: Any = SimpleNamespace(
+                rest_image=dark, board_image=dark, ground_image=dark
+            )
 
     def generated(_file: SceneFile, root: Path, *_: object, **__: object) -> None:
         (root / "truth").mkdir(parents=True)
