@@ -99,6 +99,7 @@ def test_check_states_their_use(antenna: Antenna, opened: Observations) -> None:
     assert not [finding for finding in report.findings if finding.name.startswith("ground")]
 
 
+@pytest.mark.thorough
 def test_check_names_images_of_another_ground(opened: Observations, tmp_path: Path) -> None:
     """As where the camera was moved between them and the rest images."""
     turned = []

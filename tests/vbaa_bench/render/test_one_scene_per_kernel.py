@@ -37,7 +37,9 @@ SEEDS, SET_SIZE = 16, 32
 FALSE_ALARM = 1e-5
 
 
-@pytest.fixture(params=[1, 2], ids=["direct light", "reflected light"])
+@pytest.fixture(
+    params=[1, pytest.param(2, marks=pytest.mark.thorough)], ids=["direct", "reflected"]
+)
 def world(request: pytest.FixtureRequest, variant: str, tmp_path: Path) -> World:
     if variant == PLAIN:
         pytest.skip("it renders whole images, of one scene after the other")
