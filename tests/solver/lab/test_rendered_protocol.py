@@ -29,7 +29,7 @@ tolerances: {true_rig: drawn, flexural_rigidity_pct: 2, gravity_deg: 0.2, board_
 camera: {width_px: 400, height_px: 192, focal_length_px: 540, position_mm: [120.0, 24.0, 360.0],
   look_at_mm: [120.6, 24.0, 0.0]}
 calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120.0, 24.0], views: 6}
-sensor: {rest_images: 2}
+sensor: {rest_images: 2, ground_images: 2}
 background: {reflectance: 0.3}
 """
 WEIGHTS = """
@@ -54,13 +54,12 @@ pushes:
 def write_set(weights: Dataset, pushes: Dataset, folder: Path) -> None:
     """Write two datasets of one rig as a laboratory would; ruler and balance make no error."""
     source = weights.observations.root
-    for name in ("calibration", "rest"):
+    for name in ("calibration", "rest", "ground"):
         shutil.copytree(source / name, folder / name)
     shutil.copy(source / "rig.json", folder)
-    for name in ("ground", "ruler"):  # of which only size and depth are checked
-        (folder / name).mkdir()
-        for image in weights.observations.rest_images:
-            shutil.copy(image, folder / name / image.name.replace("rest", name))
+    (folder / "ruler").mkdir()  # of which only size and depth are checked
+    for image in weights.observations.rest_images:
+        shutil.copy(image, folder / "ruler" / image.name.replace("rest", "ruler"))
     (folder / "images").mkdir()
     known, readings = list[list[str]](), [["file_name", "motor_angle_deg"]]
     for load, data, place in (("weight", weights, "s_c_mm"), ("push", pushes, "x_c_mm")):
