@@ -16,7 +16,7 @@ from solver.centreline import Centreline
 from solver.centreline.extractor import Extractor
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
-from solver.centreline.section_on_ground import NO_GROUND_ERRORS
+from solver.centreline.section_on_ground import NO_GROUND_ERRORS, GroundErrors
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.grid_error import GridError
@@ -62,7 +62,8 @@ class RestState:
         A beam at rest hardly crosses the grid, so that such an error looks like a bow.
         """
         lines = [without_grid_error(line, error) for line in self.lines]
-        return replace(self, line=fit_rest_line(lines, calibration, rig))
+        of_ground = _ground_errors(self.extract)
+        return replace(self, line=fit_rest_line(lines, calibration, rig, of_ground))
 
 
 def learn_rest_state(
@@ -75,9 +76,7 @@ def learn_rest_state(
     """
     used = agreeing_images(images, guide, learn)
     noise = estimate_noise(used.images)
-    detector = used.extract.detector
-    of_ground = NO_GROUND_ERRORS if detector is None else detector.appearance.ground_errors
-    line = fit_rest_line(used.lines, calibration, rig, of_ground)
+    line = fit_rest_line(used.lines, calibration, rig, _ground_errors(used.extract))
     _check_direction(line, used.extract, used.images[0], used.lines[0], rig)
     width = 4 * guide.radius_px + 2 * BESIDE_PX
     tip, tip_covariance = _mean_tip(used.lines)
@@ -106,6 +105,13 @@ def _length_seen(extract: Extractor, image: Grey) -> float | None:
         if tip is not None:
             return float(other.places(tip[None])[0, 0])
     return None
+
+
+def _ground_errors(extract: Extractor) -> GroundErrors:
+    """Return the errors of the line by a ground that images without the beam show."""
+    return (
+        NO_GROUND_ERRORS if extract.detector is None else extract.detector.appearance.ground_errors
+    )
 
 
 def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:

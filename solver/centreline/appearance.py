@@ -17,7 +17,7 @@ from solver.centreline.effective_profile import (
 )
 from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.guide import Guide
-from solver.centreline.noise import Noise, estimate_noise
+from solver.centreline.noise import Noise, estimate_noise, mean_image
 from solver.centreline.pixel_grid import grid_period
 from solver.centreline.profile import Profile, Section, profile, tilt_response
 from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
@@ -135,7 +135,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     Raises InputError where no beam is found along the rig's x axis.
     """
     noise = estimate_noise(images)
-    mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
+    mean = mean_image(images)
     full_scale = guide.full_scale or int(np.iinfo(images[0].dtype).max)
     bare = None
     if guide.bare_ground is not None:

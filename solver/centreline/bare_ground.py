@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.noise import Noise
+from solver.centreline.noise import Noise, mean_image
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.medians import SIGMA_OVER_MAD
 
@@ -96,7 +96,7 @@ class BareGround(NamedTuple):
     images: int
 
     def at_rest(self, mean: Floats, noise: Noise, images: int) -> GroundAtRest:
-        """Bring the ground to where the `mean` (height, width) of so many rest images shows it."""
+        """Register the ground to the `mean` (height, width) of so many rest images."""
         lattice = structured(self.gray, noise)
         if len(lattice.rows) < MIN_PIXELS:
             return GroundAtRest(self.images)
@@ -116,8 +116,7 @@ def bare_ground(images: Sequence[Grey]) -> BareGround | None:
             distinct.append(image)
     if not distinct:
         return None
-    mean = np.mean([np.asarray(image, np.float64) for image in distinct], axis=0)
-    return BareGround(np.asarray(mean, np.float32), len(distinct))
+    return BareGround(np.asarray(mean_image(distinct), np.float32), len(distinct))
 
 
 def structured(gray: Pattern, noise: Noise) -> Lattice:

@@ -202,7 +202,7 @@ def _change(world: World, column: Any, row: Any, random: Any, count: Any) -> tup
     Shadows are smooth: a set samples few places in a pixel, but `count` points of each lamp.
     """
     if uses_optix():
-        return difference(world, column, row, random, count)
+        return _difference(world, column, row, random, count)
     shifts = _shifts(world, world.scene, random)
     if world.shadow_places == 1:
         return _change_at(world, column, row, shifts, count)
@@ -226,7 +226,7 @@ def _mean_change(
     return value / mi.Float(places), coverage / mi.Float(places)
 
 
-def difference(world: World, column: Any, row: Any, random: Any, count: Any) -> tuple[Any, Any]:
+def _difference(world: World, column: Any, row: Any, random: Any, count: Any) -> tuple[Any, Any]:
     """Estimate the change as `_change` does, by the same samples in one scene after the other.
 
     It needs more samples: a shadow is tested at one point of a lamp in each.
