@@ -17,6 +17,7 @@ from solver.at_rest.thresholds import THRESHOLDS
 from solver.centreline import Centreline
 from solver.centreline.extractor import Extractor
 from solver.centreline.guide import Guide
+from solver.centreline.noise import mean_image
 from solver.core.correlation import correlation_length
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
@@ -140,7 +141,7 @@ def moved(images: Sequence[Grey], lines: Sequence[Centreline], radius_px: float)
     brightness are fitted, too. The motion counts if it is significant and large enough, both as
     for the places of the lines.
     """
-    mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
+    mean = mean_image(images)
     half = math.ceil(2 * radius_px) + _MARGIN_PX
     return any(
         _significant(np.asarray(image, np.float64) - mean, mean, line, half)

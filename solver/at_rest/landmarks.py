@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.at_rest.thresholds import THRESHOLDS
-from solver.centreline.noise import Noise
+from solver.centreline.noise import Noise, mean_image
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.medians import SIGMA_OVER_MAD, TUKEY_CUT, median
@@ -192,7 +192,7 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     `beam` (n, 2) [px] is a path along the beam, from before its clamp to beyond its tip; a band of
     `width` [px] about it is left out.
     """
-    mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
+    mean = mean_image(images)
     smooth, along_u, along_v = (
         np.asarray(cv2.sepFilter2D(mean, cv2.CV_64F, *kernels), np.float64)
         for kernels in ((SMOOTH, SMOOTH), (ALONG, SMOOTH), (SMOOTH, ALONG))

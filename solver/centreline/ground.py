@@ -22,7 +22,7 @@ from solver.centreline.bare_ground import (
     structured,
     thinned,
 )
-from solver.centreline.noise import Noise
+from solver.centreline.noise import Noise, mean_image
 from solver.centreline.smooth import LAG
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
@@ -115,7 +115,7 @@ def learn_ground(
     too, which costs 1 / (n + 1) of the information of every column. Structure costs the columns
     that it disturbs. `half` is that of the profile fit.
     """
-    mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
+    mean = mean_image(images)
     along, across = np.abs(beam[-1] - beam[0])
     # Rows cross an upright beam: the transposed image is read by columns.
     upright = along >= across
