@@ -40,10 +40,11 @@ def to_measurement(
     points = line.points - line.shift
     points, sigmas = on_plane(camera, points, line.directions * line.sigma[:, None])
     points = correct_for_sag(points, camera.viewpoint, rig)
+    lost_light = line.lost_light
     if readings.removed is not None:
         low, high = readings.removed
         outside = (points[:, 0] < low) | (points[:, 0] > high)
-        points, sigmas = points[outside], sigmas[outside]
+        points, sigmas, lost_light = points[outside], sigmas[outside], lost_light[outside]
     bent = bent_line(points, rest, rig)
     motor_angle = None if antenna.in_world else readings.motor_angle
     by_weight, weight_covariance = np.zeros(3), np.zeros((5, 5))
@@ -86,6 +87,7 @@ def to_measurement(
             antenna.viewpoint,
             _tip(antenna, line, points),
             shared,
+            lost_light,
         ),
         base_covariance=base_covariance,
         scale_sigma=math.hypot(antenna.lengths_sigma, bow_error),

@@ -58,6 +58,7 @@ class CentroidExtractor:
             points=points[good],
             directions=centreline.directions[good],
             sigma=np.sqrt(variance[good]),
+            lost_light=centreline.lost_light[good],
             rejected=np.vstack([centreline.rejected, centreline.points[~good]]),
             flags=np.append(
                 centreline.flags, np.full(np.count_nonzero(~good), Flag.SATURATED, np.uint8)

@@ -7,7 +7,7 @@ beam's appearance is learned from the images of it at rest.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, Final, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -20,16 +20,21 @@ from solver.centreline.grid_fit import fit_grid_error
 from solver.centreline.ground import Ground
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import KnownGround
+from solver.centreline.smooth import running_median
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.tip import TipEstimate, find_tip
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.grid_error import GridError
-from solver.instrument.medians import median
+from solver.instrument.medians import median, quantile
 
 # A numpy scalar is compiled once, a literal anew.
 _NONE: Any = np.int64(0)
+# Share of the points that are less bright than the beam in full light, and the width, in points, of
+# the local median of brightness. Chosen.
+_FULL_LIGHT: Final = 0.9
+_SHADE_WIDTH: Any = np.int64(5)
 
 
 class Extractor(Protocol):
@@ -166,6 +171,7 @@ class BeamExtractor:
             common_sigma=math.hypot(common_sigma, self.appearance.second_line_sigma_px),
             remark=self._remark(brightness, background) if len(points) else "",
             grid_error=course.grid_error,
+            lost_light=_lost_light(columns),
         )
 
     def _course(self, image: Grey, flat: Grey, ground: Ground | None, places: Stations) -> _Course:
@@ -240,6 +246,19 @@ def _flag_outliers(places: Stations, columns: Columns, on_beam: Mask) -> Floats:
         places.length, off_path, columns.sigma, columns.brightness, on_beam, columns.flags
     )
     return smooth
+
+
+@njit
+def _lost_light(columns: Columns) -> Any:
+    """Compute the share of its light that the beam lacks at each measured point (n,).
+
+    It is relative to the brightest tenth of the points.
+    """
+    brightness = columns.brightness[columns.flags == 0]
+    if len(brightness) == 0:
+        return brightness
+    medians = running_median(brightness, _SHADE_WIDTH)
+    return np.maximum(1 - medians / quantile(medians, _FULL_LIGHT), 0.0)
 
 
 @njit

@@ -185,26 +185,19 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
     """
     disturbed, count = np.zeros(len(brightness), np.bool_), 0
     index = np.empty(len(brightness), np.int64)
-    x, y, sigma = np.empty(len(brightness)), np.empty(len(brightness)), np.empty(len(brightness))
+    x, y = np.empty(len(brightness)), np.empty(len(brightness))
     for i in range(len(brightness)):
-        if on_beam[i]:
+        # Columns of an object that hides the beam say nothing of its brightness.
+        if on_beam[i] and flags[i] == 0:
             index[count], x[count], y[count] = i, length[i], brightness[i]
-            sigma[count] = THRESHOLDS.max_brightness_deviation / 3 if flags[i] == 0 else np.inf
             count += 1
+    sigma = np.full(count, THRESHOLDS.max_brightness_deviation / 3)
     medians = running_median(y[:count], _BRIGHTNESS_WIDTH)
-    smooth = curve(
-        x[:count], medians, sigma[:count], x[:count], _BRIGHTNESS_DEGREE, _BRIGHTNESS_CUT
-    )
+    smooth = curve(x[:count], medians, sigma, x[:count], _BRIGHTNESS_DEGREE, _BRIGHTNESS_CUT)
     if len(smooth) > 0:
-        deviation, n_good = np.empty(count), 0
-        for k in range(count):
-            if np.isfinite(sigma[k]):
-                deviation[n_good] = abs(medians[k] / smooth[k] - 1)
-                n_good += 1
+        deviation = np.abs(medians / smooth - 1)
         # Under spotted light the threshold rises with the typical deviation.
-        threshold = max(
-            THRESHOLDS.max_brightness_deviation, _DISTURBED * median(deviation[:n_good])
-        )
+        threshold = max(THRESHOLDS.max_brightness_deviation, _DISTURBED * median(deviation))
         for k in range(count):
-            disturbed[index[k]] = abs(medians[k] / smooth[k] - 1) > threshold
+            disturbed[index[k]] = deviation[k] > threshold
     return disturbed

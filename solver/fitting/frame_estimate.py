@@ -11,7 +11,7 @@ from solver.core.least_squares import CONVERGED
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of, only
 from solver.fitting.frame_values import frame_values
-from solver.fitting.neighbours import neighbours_of, with_neighbours
+from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.reflected_light import lit_by_object, reflection_matters, touched_place
 from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
 from solver.fitting.robust_fit import robust_fit, uniform_start
@@ -24,10 +24,17 @@ from solver.uniform.fit import FrameFit
 from solver.uniform.problem import Problem, problem_of
 
 
+class FrameEstimate(NamedTuple):
+    """Estimate of a frame; `shaded` is whether light that the beam lacks explains its residuals."""
+
+    estimate: Estimate
+    shaded: bool = False
+
+
 def frame_estimate(
     measurement: Measurement,
     frame_problem: Callable[[Measurement, Problem], FrameProblem] = frame_problem_of,
-) -> Estimate:
+) -> FrameEstimate:
     """Estimate contact and force in the known plane, with the rig's stated or learned beam.
 
     What one image does not determine (section, friction, clamp) has the prior that the rig states,
@@ -42,23 +49,26 @@ def frame_estimate(
     fit = None if fitted is None else fitted.in_order(problem)
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or model is None or fitted is None or fit is None:
-        return refusal or Estimate(Outcome.NOT_CONVERGED)
+        return FrameEstimate(refusal or Estimate(Outcome.NOT_CONVERGED))
     found = prior_conflict(bowed, problem, model, fitted.fit, fitted.gain, frame_problem)
     if found is not None:
         dof = max(int(np.count_nonzero(fit.kept)) - 2, 1)
-        return Estimate(
-            Outcome.INVALID, found.reason, chi2=fit.chi2, dof=dof, assumption=found.assumption
+        return FrameEstimate(
+            Estimate(
+                Outcome.INVALID, found.reason, chi2=fit.chi2, dof=dof, assumption=found.assumption
+            )
         )
     values, covariance = frame_values(
         measurement, fitted.model, fitted.model.with_friction_ratio(fit)
     )
     estimate = estimate_from_fit(measurement, problem, fit, values, covariance)
+    shaded = fitted.neighbours is not None and fitted.neighbours.shaded
     if not (model.beam.prior and estimate.values):
-        return estimate
+        return FrameEstimate(estimate, shaded)
     sigmas = np.sqrt(np.diag(fit.covariance))
     places = {name: model.parameters[name] for name in model.beam.prior}
     own = {name: FittedParameter(float(fit.p[i]), float(sigmas[i])) for name, i in places.items()}
-    return replace(estimate, parameters=own)
+    return FrameEstimate(replace(estimate, parameters=own), shaded)
 
 
 def with_bow(measurement: Measurement) -> Measurement:
@@ -73,13 +83,18 @@ def with_bow(measurement: Measurement) -> Measurement:
 class FittedFrame(NamedTuple):
     """Fit of a frame, and its problem with errors of the frame's own.
 
-    The fit's points are in the order of the problem. `gain` is twice the log likelihood that errors
-    of neighbouring points gain, 0 where there are none.
+    The fit's points are in the order of the problem. `neighbours` are the errors that neighbouring
+    points share, None where there are none.
     """
 
     model: FrameProblem
     fit: FrameFit
-    gain: float = 0.0
+    neighbours: Neighbours | None = None
+
+    @property
+    def gain(self) -> float:
+        """Twice the log likelihood that errors of neighbouring points gain."""
+        return 0.0 if self.neighbours is None else self.neighbours.gain
 
     def in_order(self, problem: Problem) -> FrameFit:
         """Return the fit with its `kept` (n,) in the order of the measurement's points."""
@@ -105,7 +120,8 @@ def fit_frame(problem: Problem, model: FrameProblem) -> FittedFrame | None:
 def fit_with_neighbours(problem: Problem, model: FrameProblem) -> FittedFrame | None:
     """Fit a frame as `fit_frame`, beside the errors that neighbouring points share.
 
-    The fit's chi2 is that without them: whether the beam has one contact is judged by all of it.
+    The fit's chi2 is that without them: whether the beam has one contact is judged by all of it,
+    but for what an object's shade has moved.
     """
     fitted = fit_frame(problem, model)
     if fitted is None or fitted.fit.status != CONVERGED:
@@ -118,7 +134,8 @@ def fit_with_neighbours(problem: Problem, model: FrameProblem) -> FittedFrame | 
     model = with_neighbours(fitted.model, neighbours)
     fit = refitted(only(model, kept), replace(fitted.fit, kept=kept[kept]))
     kept[kept] = fit.kept
-    return FittedFrame(model, replace(fit, kept=kept, chi2=fitted.fit.chi2), neighbours.gain)
+    chi2 = fit.chi2 if neighbours.shaded else fitted.fit.chi2
+    return FittedFrame(model, replace(fit, kept=kept, chi2=chi2), neighbours)
 
 
 def refitted(model: FrameProblem, fit: FrameFit) -> FrameFit:

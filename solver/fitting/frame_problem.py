@@ -46,6 +46,7 @@ class FrameProblem:
     beam's shape and of its clamp, as in `beams.beam`, and then the block "errors", which all points
     share: `shared` (n, k) is the shift of each point, in sigmas, by one sigma of each. `mean` (p,)
     and `information` (p, p) are their prior; `free` (f,) are the indices of those that are fitted.
+    `lost_light` (n,) is that of the points, as in `Centreline`.
     The last `own_errors` parameters are errors that only the points of this frame share. `rigid`
     is known where the rig states that objects are, and `friction_sign` is that of the friction
     ratio against the rig's other frames: 0 if it is not known.
@@ -58,6 +59,7 @@ class FrameProblem:
     mean: Floats
     information: Floats
     free: Any
+    lost_light: Floats
     own_errors: int = 0
     rigid: RigidObjects | None = None
     friction_sign: int = 1
@@ -156,6 +158,7 @@ def frame_problem_of(
         mean=mean,
         information=information_of(covariance),
         free=np.array([Q, S_C, *uncertain]),
+        lost_light=measurement.view.lost_light[problem.order],
         rigid=_rigid_objects(measurement),
     )
 
@@ -282,4 +285,5 @@ def only(problem: FrameProblem, kept: Any) -> FrameProblem:
         problem,
         points=np.ascontiguousarray(problem.points[:, kept]),
         shared=problem.shared[kept],
+        lost_light=problem.lost_light[kept],
     )

@@ -47,6 +47,7 @@ def two_contact_problem_of(model: FrameProblem) -> FrameProblem:
         mean=np.insert(model.mean, added, 0.0),
         information=information,
         free=np.sort([*others, *inner, *rubs]),
+        lost_light=model.lost_light,
     )
 
 

@@ -227,6 +227,7 @@ def spatial(model: FrameProblem, problem: Problem) -> SpatialProblem:
         mean=model.mean,
         information=information,
         free=np.union1d(model.free, [psi]),
+        lost_light=model.lost_light,
         own_errors=model.own_errors,
         tips=tips,
         moments=moments,

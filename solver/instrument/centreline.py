@@ -34,7 +34,9 @@ class Centreline:
     deviation of the error, along the directions, that all points share. `shift` (2,) [px] is that
     of the whole image since the rest images, with the covariance `shift_covariance` (2, 2) [px^2];
     the points contain it. `remark` describes how the image differs from the rest images; it is ""
-    if it does not differ. `grid_error` has been subtracted from the points; None if there is none.
+    if it does not differ. `lost_light` (n,) is the share of the beam's light that each point lacks,
+    which an object beside it hides; it is 0 where that is not known. `grid_error` has been
+    subtracted from the points; None if there is none.
     """
 
     points: Floats
@@ -48,6 +50,7 @@ class Centreline:
     shift: Floats = field(default_factory=lambda: np.zeros(2))
     shift_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
     remark: str = ""
+    lost_light: Floats = field(default_factory=lambda: np.empty(0))
     grid_error: GridError | None = None
 
     def __post_init__(self) -> None:
@@ -58,6 +61,9 @@ class Centreline:
             raise ValueError(f"sigma is {sigma.min():g} at a point, allowed are numbers > 0")
         if not (np.abs(np.hypot(*directions.T) - 1) < _UNIT).all():
             raise ValueError("directions has rows that are no unit vectors")
+        if not np.size(self.lost_light):
+            object.__setattr__(self, "lost_light", np.zeros(count))
+        freeze(self, "lost_light", (count,))
 
 
 def down_columns(points: Floats, sigma: Floats) -> Centreline:

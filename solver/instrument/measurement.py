@@ -73,10 +73,10 @@ class View:
     [m] are the one-sigma displacement of each point: a point is measured across the beam, and its
     error is along that direction only. `shared_errors` (n, k) are k independent errors that all
     points share: the shift of each point for one sigma, in units of its sigma vector; they are in
-    addition to the points' own errors. `viewpoint` (4,) is V in homogeneous coordinates:
-    (x, y, z, 1) [m] for a pinhole; (x, y, z, 0), the direction towards the camera, for a
-    telecentric camera. `tip` is None if the free end is not visible. Raises ValueError, also for a
-    viewpoint in plane C, from which C cannot be observed.
+    addition to the points' own errors. `lost_light` (n,) is that of `Centreline`. `viewpoint` (4,)
+    is V in homogeneous coordinates: (x, y, z, 1) [m] for a pinhole; (x, y, z, 0), the direction
+    towards the camera, for a telecentric camera. `tip` is None if the free end is not visible.
+    Raises ValueError, also for a viewpoint in plane C, from which C cannot be observed.
     """
 
     points: Floats
@@ -84,6 +84,7 @@ class View:
     viewpoint: Floats
     tip: Tip | None = None
     shared_errors: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    lost_light: Floats = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         count = len(freeze(self, "points", (None, 2)))
@@ -91,6 +92,9 @@ class View:
         if not np.size(self.shared_errors):
             object.__setattr__(self, "shared_errors", np.empty((count, 0)))
         freeze(self, "shared_errors", (count, None))
+        if not np.size(self.lost_light):
+            object.__setattr__(self, "lost_light", np.zeros(count))
+        freeze(self, "lost_light", (count,))
         viewpoint = freeze(self, "viewpoint", (4,))
         if viewpoint[2] == 0:
             raise ValueError("the viewpoint is in the calibration plane")

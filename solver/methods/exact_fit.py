@@ -15,6 +15,7 @@ from functools import partial
 
 from solver.fitting.frame_estimate import frame_estimate
 from solver.fitting.frame_problem import OwnBeamOf, frame_problem_of
+from solver.fitting.neighbours import is_shaded
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -27,14 +28,16 @@ def exact_fit(measurement: Measurement, *, beam: OwnBeamOf | None = None) -> Est
     states.
     """
     if beam is not None or not measurement.uniform:
-        return frame_estimate(measurement, partial(frame_problem_of, own_beam=beam))
+        return frame_estimate(measurement, partial(frame_problem_of, own_beam=beam)).estimate
     estimate, white = uniform_estimate(measurement)
-    if white or not estimate.values:
+    if not is_shaded(measurement.view.lost_light) and (white or not estimate.values):
         return estimate
     # A beam of another shape is refused. Otherwise all points scatter by more than is stated, or
-    # neighbouring ones share errors: the estimate with the larger sigma answers for both.
-    judged = frame_estimate(measurement)
-    if judged.outcome is Outcome.INVALID:
+    # neighbouring ones share errors: unless an object's shade explains them, the estimate with the
+    # larger sigma answers for both.
+    judged, shaded = frame_estimate(measurement)
+    if judged.outcome is Outcome.INVALID or shaded:
         return judged
-    sigma = judged.sigma("x_c_m") if judged.values else 0.0
-    return judged if sigma > estimate.sigma("x_c_m") else estimate
+    if not (judged.values and estimate.values):
+        return estimate
+    return judged if judged.sigma("x_c_m") > estimate.sigma("x_c_m") else estimate

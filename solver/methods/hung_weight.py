@@ -34,4 +34,4 @@ def hung_weight(measurement: Measurement) -> Estimate:
             f"gravity pulls at {math.degrees(abs(angle)):.0f} deg from the side to which contact "
             f"bends the beam, allowed are {math.degrees(_MAX_ANGLE):.0f} deg",
         )
-    return frame_estimate(measurement, partial(hung_problem_of, gravity=rig.gravity))
+    return frame_estimate(measurement, partial(hung_problem_of, gravity=rig.gravity)).estimate

@@ -89,6 +89,7 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
             sigma_vectors[visible],
             viewpoint,
             shared_errors=view.shared_errors[visible],
+            lost_light=view.lost_light[visible],
         ),
         base_covariance=clamp @ measurement.base_covariance @ clamp.T,
         image_shift=clamp[:2, :2] @ measurement.image_shift @ clamp[:2, :2].T,

@@ -236,6 +236,34 @@ def test_hidden_stretches_are_rejected_and_nothing_else(occluder: float) -> None
     assert np.mean(inside == Flag.HIDDEN) > 0.5
 
 
+def test_the_light_that_is_lost_between_occluders_is_said() -> None:
+    light, _ = pushed(0.2)
+    u = np.arange(WIDTH)
+    # Dark beside occluders that are 50 px apart, which leave a fifth less light at their edges.
+    lost = 0.2 * ((u % 50 - 25) / 25) ** 4
+    line = seen(light * (1 - lost), learned())
+    column = np.rint(line.points[:, 0]).astype(int)
+    assert len(column) > 120
+    assert np.abs(line.lost_light - lost[column]).mean() < 0.02
+    assert np.abs(line.lost_light - lost[column]).max() < 0.12
+    clear = seen(light, learned())
+    assert clear.lost_light.max() < 0.1
+    assert np.median(clear.lost_light) < 0.03
+
+
+def test_a_short_stretch_that_is_darker_than_the_others_is_foreign() -> None:
+    light, _ = pushed(0.2)
+    u = np.arange(WIDTH)
+    hidden = ((u > 120) & (u < 150)) | ((u > 160) & (u < 200))
+    dark = (u >= 150) & (u <= 160)
+    light[:, hidden] = light.min()
+    light[:, dark] *= 0.8
+    line = seen(light, learned())
+    column = np.rint(line.points[:, 0]).astype(int)
+    assert not dark[column].any()
+    assert np.isin(np.r_[40:110, 210:270], column).mean() > 0.8
+
+
 def test_a_glare_beside_the_beam_pulls_no_point_away() -> None:
     light, pixels = pushed(0.25)
     v, u = np.mgrid[:HEIGHT, :WIDTH]

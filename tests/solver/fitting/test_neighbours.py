@@ -9,10 +9,10 @@ from scipy.linalg import solve_triangular
 from solver.fitting import neighbours
 from solver.fitting.frame_estimate import with_bow
 from solver.fitting.frame_problem import FrameProblem, frame_problem_of
-from solver.fitting.neighbours import LENGTHS, SIGMAS, neighbours_of, with_neighbours
+from solver.fitting.neighbours import EVEN, MIN_GAIN, neighbours_of, with_neighbours
 from solver.fitting.robust_fit import residuals_at, robust_fit, uniform_start
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import stated_shape
+from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.measurement import Measurement, View
 from solver.methods.exact_fit import exact_fit
 from solver.uniform.problem import problem_of
@@ -81,13 +81,13 @@ def test_the_chosen_course_is_that_of_the_largest_density(random: np.random.Gene
     at_prior = residual + jacobian.T @ (rod.mean - p)[rod.free]
     at_prior -= jacobian[:2].T @ (rod.mean - p)[rod.free[:2]]
     densities: dict[tuple[float, float], float] = {}
-    for length in LENGTHS:
-        for sigma in SIGMAS:
+    for length in EVEN.lengths:
+        for sigma in EVEN.sigmas:
             course = with_neighbours(rod, neighbours.Neighbours(length, sigma, 0.0)).shared
             course = scatter * course[:, rod.shared.shape[1] :]
             covariance = scatter**2 * np.eye(len(residual)) + prior + course @ course.T
             densities[length, sigma] = log_density(at_prior, covariance)
-    sigma = min(SIGMAS, key=lambda one: abs(scatter * one - chosen.sigma))
+    sigma = min(EVEN.sigmas, key=lambda one: abs(scatter * one - chosen.sigma))
     assert chosen.sigma == pytest.approx(scatter * sigma)
     density = densities[chosen.length, sigma]
     without = scatter**2 * np.eye(len(residual)) + prior
@@ -122,3 +122,78 @@ def test_estimates_are_honest_with_them_and_not_without(
     refused_or_wrong = len(frames) - np.count_nonzero(np.abs(pulls()) < 3)
     # Of honest estimates, four of 60 are wrong once in 40,000 runs.
     assert refused_or_wrong >= 4
+
+
+# Between leaves, seen stretches of the beam and their width, over its length.
+SEEN, WIDTH = (0.15, 0.35, 0.5, 0.7, 0.9), 0.06
+
+
+def behind_leaves(beam: LoadedBeam, shift: float, random: np.random.Generator) -> Measurement:
+    """Measure a beam behind leaves, each of which takes up to a quarter of the light beside it.
+
+    The shift is `shift` radii for all of the light, to a side that each edge of a leaf draws.
+    """
+    taken = measured(beam, STATED, random)
+    place = np.hypot(*np.array(taken.points).T) / BEAM.length
+    apart = place[:, None] - SEEN
+    nearest = np.argmin(np.abs(apart), axis=1)
+    apart = apart[np.arange(len(place)), nearest]
+    seen = np.abs(apart) < WIDTH / 2
+    lost = 0.25 * (2 * apart[seen] / WIDTH) ** 2
+    side = shift * random.standard_normal((len(SEEN), 2))[nearest, (apart > 0).astype(int)]
+    points = np.array(taken.points)[seen]
+    points[:, 1] += side[seen] * lost * BEAM.radius
+    view = View(points, taken.sigma_vectors[seen], taken.view.viewpoint, lost_light=lost)
+    return replace(taken, view=view)
+
+
+def test_the_light_that_a_leaf_takes_explains_the_shift(random: np.random.Generator) -> None:
+    beam = bent(0.05, 0.6, 1.2)
+    found = []
+    for _ in range(10):
+        rod, p = fitted(behind_leaves(beam, 0.3, random))
+        chosen = neighbours_of(rod, p, everything(rod))
+        assert chosen is not None
+        assert chosen.shaded
+        assert chosen.gain > MIN_GAIN
+        found.append(chosen.sigma)
+        course = with_neighbours(rod, chosen).shared[:, rod.shared.shape[1] :]
+        # In full light no point has moved; each point's sigma is that of its share of the light.
+        sigmas = np.hypot(*course.T) if course.shape[1] == 2 else np.linalg.norm(course, axis=1)
+        expected = chosen.sigma * rod.lost_light * BEAM.radius / SIGMA
+        assert np.allclose(sigmas, expected, rtol=0.3)
+    # Five stretches with two sides each give a sigma to a quarter.
+    assert 0.15 < np.median(found) < 0.6
+
+
+def test_a_shade_that_moves_no_point_costs_nothing(random: np.random.Generator) -> None:
+    beam = bent(0.05, 0.6, 1.2)
+    for _ in range(30):
+        rod, p = fitted(behind_leaves(beam, 0.0, random))
+        assert neighbours_of(rod, p, everything(rod)) is None
+
+
+@pytest.mark.parametrize("stated", [STATED, None])
+def test_estimates_between_leaves_are_honest(
+    stated: BeamShape | None, random: np.random.Generator
+) -> None:
+    beam = bent(0.05 if stated else 0.0, 0.6, 1.2)
+    frames = [behind_leaves(beam, 0.3, random) for _ in range(30)]
+    if stated is None:
+        frames = [replace(one, rig=replace(one.rig, shape=UNIFORM)) for one in frames]
+    x_c = beam.points[0, 0]
+
+    def pulls(taken: list[Measurement]) -> Floats:
+        answers = [one for one in map(exact_fit, taken) if one.values]
+        return np.array([(one.values["x_c_m"] - x_c) / one.sigma("x_c_m") for one in answers])
+
+    honest = pulls(frames)
+    assert len(honest) > 28  # of 30
+    # One frame in a hundred is beyond three sigmas: four of 30 in less than one of 4,000 runs.
+    assert np.count_nonzero(np.abs(honest) > 3) < 4
+    assert 0.05 < np.median(honest**2) < 1.6
+    blind = [
+        replace(one, view=replace(one.view, lost_light=np.zeros(len(one.points)))) for one in frames
+    ]
+    # Without it most frames look like those of a beam with another contact.
+    assert np.count_nonzero(np.abs(pulls(blind)) < 3) < 25
