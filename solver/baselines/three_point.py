@@ -61,6 +61,8 @@ from solver.planes.plane_d import on_deformation_plane, opening, unproject
 
 MIN_POINTS = 3 * STRETCHES
 GRID = np.radians(np.arange(-89.0, 89.5, 1.0))
+# Smaller values of g are rounding errors, where both contacts are at infinity. Chosen.
+ROUNDING = 1e-12
 COARSE_STEP = 4  # every fourth plane of the grid is tested for the sigma of psi
 
 
@@ -120,6 +122,7 @@ def _roots(disagreement: Callable[[float], float], scan: Floats, viewpoint: Floa
     `scan` is g on the grid.
     """
     roots = []
+    scan = np.where(np.abs(scan) < ROUNDING, 0.0, scan)
     side = np.array([opening(viewpoint, psi) > 0 for psi in GRID])
     same_side = (side[1:] == side[:-1]) & np.isfinite(scan[1:]) & np.isfinite(scan[:-1])
     for i in np.flatnonzero(same_side):

@@ -248,14 +248,13 @@ def _flag_outliers(places: Stations, columns: Columns, on_beam: Mask) -> Floats:
     return smooth
 
 
-@njit
-def _lost_light(columns: Columns) -> Any:
+def _lost_light(columns: Columns) -> Floats:
     """Compute the share of its light that the beam lacks at each measured point (n,).
 
     It is relative to the brightest tenth of the points.
     """
     brightness = columns.brightness[columns.flags == 0]
-    if len(brightness) == 0:
+    if not len(brightness):
         return brightness
     medians = running_median(brightness, _SHADE_WIDTH)
     return np.maximum(1 - medians / quantile(medians, _FULL_LIGHT), 0.0)

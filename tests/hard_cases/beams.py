@@ -117,7 +117,12 @@ def with_points(
     given = np.asarray(points)
     if sigmas is None:
         sigmas = np.tile(measurement.sigma_vectors[0], (len(given), 1))
-    view = replace(measurement.view, points=given, sigma_vectors=np.asarray(sigmas))
+    view = replace(
+        measurement.view,
+        points=given,
+        sigma_vectors=np.asarray(sigmas),
+        lost_light=np.zeros(len(given)),
+    )
     return replace(measurement, view=view)
 
 

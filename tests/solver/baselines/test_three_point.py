@@ -43,12 +43,16 @@ def test_points_beyond_the_contact_do_not_mislead_it() -> None:
 
 
 def test_a_second_root_is_told() -> None:
-    points, _ = linear(0.15, np.radians(20), OVER_THE_CLAMP)
+    points, _ = linear(0.18, np.radians(20), OVER_THE_CLAMP)
     answer = three_point(inclined(points, 1e-8, viewpoint=OVER_THE_CLAMP))
     assert np.degrees(answer.values["psi_rad"]) == pytest.approx(20, abs=1)
-    assert answer.message.endswith("other inclinations, 88 deg")
+    assert answer.message.endswith("other inclinations, 86, 86 deg")
+    # Where the contacts of both pairs are at infinity, their difference is 0 but for rounding.
+    nearer, _ = linear(0.15, np.radians(20), OVER_THE_CLAMP)
+    answer = three_point(inclined(nearer, 1e-8, viewpoint=OVER_THE_CLAMP))
+    assert "other inclinations" not in answer.message
     # Seen from beside the clamp, perspective leaves one.
-    aside, _ = linear(0.15, np.radians(20))
+    aside, _ = linear(0.18, np.radians(20))
     assert "other inclinations" not in three_point(inclined(aside, 1e-8)).message
 
 

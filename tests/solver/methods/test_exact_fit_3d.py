@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.measurement import Measurement
+from solver.instrument.measurement import Measurement, View
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
 from tests.consistency import MOST_SIGMAS, nees
@@ -186,8 +186,6 @@ def test_a_beam_that_bends_to_minus_y_leans_the_same_way() -> None:
 def test_too_few_points_are_said() -> None:
     state = pushed(0.12, 0.1, THIRTY)
     all_points = view(state)
-    few = replace(
-        all_points, points=all_points.points[:5], sigma_vectors=all_points.sigma_vectors[:5]
-    )
+    few = View(all_points.points[:5], all_points.sigma_vectors[:5], all_points.viewpoint)
     answer: Estimate = exact_fit_3d(measured(few))
     assert answer.outcome is Outcome.NOT_IDENTIFIABLE
