@@ -257,7 +257,7 @@ def _lost_light(columns: Columns) -> Floats:
     if not len(brightness):
         return brightness
     medians = running_median(brightness, _SHADE_WIDTH)
-    return np.maximum(1 - medians / quantile(medians, _FULL_LIGHT), 0.0)
+    return np.asarray(np.maximum(1 - medians / quantile(medians, _FULL_LIGHT), 0.0))
 
 
 @njit
