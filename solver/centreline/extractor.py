@@ -253,7 +253,7 @@ def _lost_light(columns: Columns) -> Floats:
 
     It is relative to the brightest tenth of the points.
     """
-    brightness = columns.brightness[columns.flags == 0]
+    brightness: Floats = columns.brightness[columns.flags == 0]
     if not len(brightness):
         return brightness
     medians = running_median(brightness, _SHADE_WIDTH)
