@@ -19,7 +19,7 @@ covariance does not include.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from solver.beams.linear import unit_deflection, unit_slope
 from solver.core.least_squares import Rows, fit_rows
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.first_contact import nearest_linear_bend
+from solver.fitting.verdict import single_frame
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -65,26 +66,21 @@ def stiffness(measurement: Measurement) -> Estimate:
     if not single.values or isinstance(plane, Estimate):
         return single
     if measurement.motor_angle is None:
-        return _single_frame(single, "no motor angle is read")
+        return single_frame(single, "no motor angle is read")
     mean = mean_of_pairs(plane[0])
     assert not isinstance(mean, Estimate)
     loads = _loads(measurement, mean.x_c)
     encoder = max(measurement.rig.tolerances.encoder, THRESHOLDS.min_encoder_sigma)
     if len(loads) < 2:
-        return _single_frame(single, "no earlier frame shows a bend")
+        return single_frame(single, "no earlier frame shows a bend")
     if np.ptp([load.motor_angle for load in loads]) < THRESHOLDS.min_turn_sigmas * encoder:
-        return _single_frame(single, "the motor has not turned")
+        return single_frame(single, "the motor has not turned")
     onset = _onset(loads, measurement.rig.deflects_towards, encoder)
     if onset is None:
         return Estimate(Outcome.INVALID, "the loads do not fit a push from one first contact")
     errors = _errors(loads, onset, mean, plane[0], encoder)
     values, covariance = _quantities(mean, onset, plane[0], errors)
     return Estimate(single.outcome, f"{len(loads)} frames", values=values, covariance=covariance)
-
-
-def _single_frame(estimate: Estimate, reason: str) -> Estimate:
-    """Return a single frame's estimate, with the reason."""
-    return replace(estimate, message=f"from this frame alone: {reason}; {estimate.message}")
 
 
 def _loads(measurement: Measurement, x_c: float) -> list[_Load]:

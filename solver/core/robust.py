@@ -4,11 +4,9 @@ from typing import Final
 
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import FAST, njit
-from solver.instrument.medians import TUKEY_CUT
+from solver.instrument.medians import SIGMA_OVER_MAD, TUKEY_CUT
 
 VARIANCE_FACTOR: Final = 1 / 0.95
-# Median of |x| for a standard normal variable.
-MEDIAN: Final = 0.6745
 
 
 @njit(fastmath=FAST)
@@ -37,7 +35,7 @@ def scale(residual: Floats, max_factor: float) -> float:
     while factor < max_factor:
         within = 0
         for r in residual:
-            if abs(r) <= MEDIAN * factor:
+            if SIGMA_OVER_MAD * abs(r) <= factor:
                 within += 1
         if 2 * within >= count:
             break

@@ -12,7 +12,7 @@ from solver.core.least_squares import Fit
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.frame_values import force_variance_second_order
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, PushAt
-from solver.fitting.verdict import classified_estimate
+from solver.fitting.verdict import classified_estimate, single_frame
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption, Estimate, FittedParameter, Outcome
 from solver.instrument.measurement import Measurement
@@ -26,14 +26,6 @@ MAX_RADIUS_SHARE: Final = 0.25
 MOST_SIGMAS: Final = 2.0
 # Friction is reported only if its sigma is below this share of its prior sigma. Chosen.
 MAX_FRICTION_SHARE: Final = 0.5
-
-
-def single_frame(estimate: Estimate, reason: str) -> Estimate:
-    """Return a single frame's estimate, with the reason."""
-    message = "; ".join(
-        part for part in (f"from this frame alone: {reason}", estimate.message) if part
-    )
-    return replace(estimate, message=message)
 
 
 def push_estimate(at: PushAt, last: Measurement, fit: Fit, single: Estimate) -> Estimate:

@@ -26,11 +26,11 @@ from solver.core.least_squares import (
     minimise,
     normal_equations,
 )
-from solver.core.robust import MEDIAN, VARIANCE_FACTOR, scale, tukey
+from solver.core.robust import VARIANCE_FACTOR, scale, tukey
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.frame_problem import FrameProblem
 from solver.instrument.arrays import Floats
-from solver.instrument.medians import TUKEY_CUT
+from solver.instrument.medians import SIGMA_OVER_MAD, TUKEY_CUT
 from solver.uniform import residuals
 from solver.uniform.fit import FrameFit, start_of, variance_inflation
 from solver.uniform.problem import Problem
@@ -62,7 +62,7 @@ def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
     robust = at.objective > limit or np.abs(residual).max() > THRESHOLDS.suspicious_sigmas
     if robust or status == STOPPED:
         cut = TUKEY_CUT
-        largest = float(np.median(np.abs(residual))) / MEDIAN
+        largest = SIGMA_OVER_MAD * float(np.median(np.abs(residual)))
         halvings = max(math.ceil(math.log2(max(largest, 1.0))), 2)
         for power in np.linspace(halvings, 0, min(halvings, _MOST_CUTS) + 1):
             at, status, extra = _minimise(problem, at.p, 2.0**power * cut) or first

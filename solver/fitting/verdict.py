@@ -189,3 +189,11 @@ def verdict(
     if s_c > length - 2 * s_sigma:
         return Outcome.TIP_CONTACT, ""
     return Outcome.CONTACT, ""
+
+
+def single_frame(estimate: Estimate, reason: str) -> Estimate:
+    """Return a single frame's estimate, with the reason why it is not that of its push."""
+    message = "; ".join(
+        part for part in (f"from this frame alone: {reason}", estimate.message) if part
+    )
+    return replace(estimate, message=message)

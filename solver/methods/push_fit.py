@@ -34,12 +34,13 @@ import numpy as np
 
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.frame_problem import OwnBeamOf
-from solver.fitting.push_estimate import push_estimate, single_frame
+from solver.fitting.push_estimate import push_estimate
 from solver.fitting.push_frames import BentFrames, bent_frames
 from solver.fitting.push_joint import FRICTION_PRIOR_SIGMA, PUSH, Push
 from solver.fitting.sliding import ratio_matrix
 from solver.fitting.uniform_estimate import uniform_estimate
 from solver.fitting.unknown_friction import with_unknown_friction
+from solver.fitting.verdict import single_frame
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import CLAMP_SHIFT
 from solver.instrument.estimate import Estimate, Outcome

@@ -16,10 +16,10 @@ from scipy.stats import theilslopes
 
 from solver.core.correlation import correlation_length
 from solver.core.least_squares import CONVERGED, Minimum, NormalEquations, Rows, information_of
-from solver.core.robust import MEDIAN, tukey
+from solver.core.robust import tukey
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
-from solver.instrument.medians import TUKEY_CUT
+from solver.instrument.medians import SIGMA_OVER_MAD, TUKEY_CUT
 from solver.photographs.joint import LEAST_LOAD, PhotosProblem
 from solver.photographs.photo_set import Photograph, PhotoSet, Stated
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
@@ -294,7 +294,7 @@ def _with_known_forces(problem: PhotosProblem, start: Floats) -> Floats:
 
 
 def _scale(points: Floats) -> float:
-    return max(float(np.median(np.abs(points))) / MEDIAN, _LEAST_SCALE)
+    return max(SIGMA_OVER_MAD * float(np.median(np.abs(points))), _LEAST_SCALE)
 
 
 def _reweighted(problem: PhotosProblem, at: NormalEquations) -> PhotosProblem:
