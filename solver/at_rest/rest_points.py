@@ -109,19 +109,28 @@ def mean_points(
 
 
 def without_grid_error(line: Centreline, error: GridError) -> Centreline:
-    """Subtract an error that repeats with the pixel grid from a centreline of the beam at rest."""
-    moved = (line.directions[:, 1] != 0) == error.upright
-    if line.grid_error is not None or np.count_nonzero(moved) < THRESHOLDS.min_points:
+    """Subtract an error that repeats with the pixel grid from a centreline of the beam at rest.
+
+    Of its own error, which the line may have lost, it shows only waves that it crosses often.
+    """
+    own, moved = line.grid_error, (line.directions[:, 1] != 0) == error.upright
+    if np.count_nonzero(moved) < THRESHOLDS.min_points:
+        return line
+    if own is not None and (own.upright != error.upright or own.longest >= error.longest):
         return line
     column, error = int(not error.upright), error.across
     along, measured = line.points[moved, column], line.points[moved, 1 - column]
+    if own is not None:
+        without = measured
+        for _ in range(_ROUNDS):
+            measured = without + own.at(along, _course(along, measured))
     course, shift = _course(along, measured), np.zeros_like(measured)
     # The error is that of the beam's true place, which the error itself has moved.
     for _ in range(_ROUNDS):
         shift = error.at(along, course)
         course = _course(along, measured - shift)
     points = line.points.copy()
-    points[moved, 1 - column] -= shift
+    points[moved, 1 - column] = measured - shift
     return replace(line, points=points, grid_error=error)
 
 

@@ -91,6 +91,7 @@ def learn_rest_state(
         rejected=used.rejected,
         length_seen=_length_seen(used.extract, used.images[0]) if tip is None else None,
         sigma_px=float(np.median(np.concatenate([line.sigma for line in used.lines]))),
+        lines=tuple(used.lines),
     )
 
 

@@ -30,6 +30,12 @@ class GridError(NamedTuple):
             self.upright, self.frequencies[moving], self.coefficients[both], covariance
         )
 
+    @property
+    def longest(self) -> float:
+        """The longest wave across the beam [px], 0 without one."""
+        frequencies = self.frequencies[self.frequencies[:, 1] > 0, 1]
+        return 1 / float(frequencies.min()) if len(frequencies) else 0.0
+
     def at(self, along: Floats, across: Floats) -> Floats:
         """Compute the error (n,) [px] in columns `along` (n,) at places `across` (n,) [px]."""
         return np.asarray(self._waves(along, across) @ self.coefficients)

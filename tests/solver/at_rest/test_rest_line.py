@@ -282,5 +282,14 @@ def test_a_known_error_of_the_grid_is_no_bow(random: np.random.Generator) -> Non
         before = fit_rest_line(images, calibration, rig())
         sizes.append(before.line_covariance[0, 0] / rest.line_covariance[0, 0])
         assert without_grid_error(corrected[0], known) is corrected[0]
+        # A beam at rest shows short waves only: the bent one shows them better, and others.
+        own = GridError(True, np.array([[0.0, 4.0]]), np.array([0.02, -0.01]), 1e-6 * np.eye(2))
+        along, across = images[0].points.T
+        smooth = np.polynomial.Polynomial.fit(along, across, 4)(along)
+        left = np.column_stack([along, across - own.at(along, smooth)])
+        again = without_grid_error(replace(images[0], points=left, grid_error=own), known)
+        assert again.grid_error is not None
+        assert not (again.grid_error.frequencies == 4.0).any()
+        assert np.abs(again.points - corrected[0].points).max() < 5e-3
     assert 0.2 < np.mean(chi2) < 2.0  # 1 +- 0.2 if the bow were not fitted, too
     assert np.median(sizes) > 25

@@ -2,14 +2,16 @@
 
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
+from solver.tracker import extract_centreline
 from tests.beam_images import LENGTH, Sensor, bent, drawn
 from tests.draws import generator
-from tests.laboratory import GUIDE, at_rest
+from tests.laboratory import GUIDE, antenna, at_rest
 
 TILT = 3e-3
 SENSOR = Sensor()
@@ -71,3 +73,19 @@ def test_a_beam_askew_is_refused(degrees: int) -> None:
     light = drawn(GUIDE, bent(0.0, tilt=np.deg2rad(degrees)))
     with pytest.raises(InputError, match=r"no beam along the rig's x|degrees to the rig's x axis"):
         at_rest([image(light, 1)])
+
+
+def test_a_bent_beam_shows_what_a_mosaic_does_to_the_beam_at_rest() -> None:
+    def demosaiced(light: Floats, seed: int) -> Grey:
+        colour = cv2.cvtColor(image(light, seed), cv2.COLOR_BayerBG2BGR)
+        return np.ascontiguousarray(colour[..., 1])
+
+    learned = antenna([demosaiced(still(), seed) for seed in range(4)])
+    pushed = demosaiced(drawn(GUIDE, bent(0.3, 0.6, TILT)), 4)
+    error = extract_centreline(learned, pushed).grid_error
+    assert error is not None
+    before, after = learned.rest, learned.without(error).rest
+    sigmas = [float(np.sqrt(rest.covariance[0, 0])) for rest in (before, after)]
+    assert sigmas[1] < sigmas[0] / 10
+    # The place may differ by that of the profile's middle, which is the same in all images.
+    assert after.slope == pytest.approx(TILT, abs=1e-4)
