@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ndtr
 
 from solver.centreline import Centreline
-from solver.centreline.effective_profile import effective_profile, read_columns
+from solver.centreline.effective_profile import course_basis, effective_profile, read_columns
 from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Section, profile
@@ -152,3 +152,10 @@ def test_columns_that_show_too_little_give_no_profile(what: str) -> None:
     effective = effective_profile(columns, 4.0, 1)
     assert (effective is None) == (what != "without noise")
     assert effective is None or np.isfinite(effective.table.value).all()
+
+
+def test_a_smooth_course_is_constant_beyond_what_is_used() -> None:
+    used = np.linspace(20.0, 300.0, 50)
+    ends = course_basis(used[[0, -1]], used)
+    assert (course_basis(np.array([-500.0, 900.0]), used) == ends).all()
+    assert (course_basis(used[[1, -2]], used) != ends).any(axis=1).all()

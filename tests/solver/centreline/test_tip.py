@@ -56,6 +56,22 @@ def test_the_tip_is_found_within_its_sigma(look: Look, roll: float, theta: float
         assert (beyond < 0).all()
 
 
+@pytest.mark.parametrize(("roll", "theta"), [(0.0, 0.2), (UP, -0.2)])
+def test_the_tip_s_covariance_lies_along_the_beam(roll: float, theta: float) -> None:
+    light, _ = pushed(theta, BRIGHT, roll)
+    line = seen(light, learned(BRIGHT, roll))
+    assert line.tip is not None
+    assert line.tip_covariance is not None
+    along = line.tip - line.points[-30:].mean(axis=0)
+    along /= np.hypot(*along)
+    across = np.array([-along[1], along[0]])
+    assert np.abs(across).min() > 0.15  # the beam is inclined against rows and columns
+    # Across the beam one pixel: the points beside the tip say where it is.
+    assert across @ line.tip_covariance @ across == pytest.approx(1.0, rel=0.05)
+    assert along @ line.tip_covariance @ along < 0.01
+    assert abs(along @ line.tip_covariance @ across) < 0.05
+
+
 @pytest.mark.thorough
 def test_the_tip_follows_no_pixel_grid() -> None:
     off = []
