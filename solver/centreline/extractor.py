@@ -7,7 +7,7 @@ beam's appearance is learned from the images of it at rest.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -27,13 +27,11 @@ from solver.centreline.tip import TipEstimate, find_tip
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.grid_error import GridError
-from solver.instrument.medians import median, quantile
+from solver.instrument.medians import median
 
 # A numpy scalar is compiled once, a literal anew.
 _NONE: Any = np.int64(0)
-# Share of the points that are less bright than the beam in full light, and the width, in points, of
-# the local median of brightness. Chosen.
-_FULL_LIGHT: Final = 0.9
+# Width, in points, of the local median of brightness. Chosen.
 _SHADE_WIDTH: Any = np.int64(5)
 
 
@@ -171,7 +169,7 @@ class BeamExtractor:
             common_sigma=math.hypot(common_sigma, self.appearance.second_line_sigma_px),
             remark=self._remark(brightness, background) if len(points) else "",
             grid_error=course.grid_error,
-            lost_light=_lost_light(columns),
+            lost_light=_lost_light(columns, self.appearance.misfit),
         )
 
     def _course(self, image: Grey, flat: Grey, ground: Ground | None, places: Stations) -> _Course:
@@ -248,16 +246,19 @@ def _flag_outliers(places: Stations, columns: Columns, on_beam: Mask) -> Floats:
     return smooth
 
 
-def _lost_light(columns: Columns) -> Floats:
+def _lost_light(columns: Columns, misfit_at_rest: float) -> Floats:
     """Compute the share of its light that the beam lacks at each measured point (n,).
 
-    It is relative to the brightest tenth of the points.
+    It is relative to the typical one. Before a ground with structure, which also changes the
+    contrast, it is not known, and 0.
     """
-    brightness: Floats = columns.brightness[columns.flags == 0]
-    if not len(brightness):
-        return brightness
+    good, fits = columns.flags == 0, columns.fits
+    brightness: Floats = columns.brightness[good]
+    misfit = fits.chi2[good] / np.maximum(fits.dof[good], 1)
+    if not len(brightness) or median(misfit) > THRESHOLDS.max_misfit * misfit_at_rest:
+        return np.zeros(len(brightness))
     medians = running_median(brightness, _SHADE_WIDTH)
-    return np.asarray(np.maximum(1 - medians / quantile(medians, _FULL_LIGHT), 0.0))
+    return np.asarray(np.maximum(1 - medians / median(medians), 0.0))
 
 
 @njit

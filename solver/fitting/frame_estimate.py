@@ -120,8 +120,7 @@ def fit_frame(problem: Problem, model: FrameProblem) -> FittedFrame | None:
 def fit_with_neighbours(problem: Problem, model: FrameProblem) -> FittedFrame | None:
     """Fit a frame as `fit_frame`, beside the errors that neighbouring points share.
 
-    The fit's chi2 is that without them: whether the beam has one contact is judged by all of it,
-    but for what an object's shade has moved.
+    The fit's chi2 is that without them: whether the beam has one contact is judged by all of it.
     """
     fitted = fit_frame(problem, model)
     if fitted is None or fitted.fit.status != CONVERGED:
@@ -134,8 +133,7 @@ def fit_with_neighbours(problem: Problem, model: FrameProblem) -> FittedFrame | 
     model = with_neighbours(fitted.model, neighbours)
     fit = refitted(only(model, kept), replace(fitted.fit, kept=kept[kept]))
     kept[kept] = fit.kept
-    chi2 = fit.chi2 if neighbours.shaded else fitted.fit.chi2
-    return FittedFrame(model, replace(fit, kept=kept, chi2=chi2), neighbours)
+    return FittedFrame(model, replace(fit, kept=kept, chi2=fitted.fit.chi2), neighbours)
 
 
 def refitted(model: FrameProblem, fit: FrameFit) -> FrameFit:

@@ -41,9 +41,7 @@ EVEN: Final = _Courses(32, (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4), np.geomspace(
 # Chosen: nodes two or three pixels apart, because what is seen between two leaves may be ten pixels
 # long, with errors of both signs. Sigmas are in radii of the beam, for all of its light: where one
 # half of a matt beam is dark, its middle moves by 0.4 of them.
-SHADED: Final = _Courses(
-    128, (1 / 128, 1 / 64, 1 / 32, 1 / 16, 1 / 8), np.geomspace(0.0125, 0.8, 7)
-)
+SHADED: Final = _Courses(128, (1 / 128, 1 / 64, 1 / 32), np.geomspace(0.0125, 0.8, 7))
 # Share of the light that a shaded point lacks at least. Chosen: a beam that bends changes its
 # brightness by less.
 LEAST_LOSS: Final = 0.05
@@ -103,7 +101,7 @@ def neighbours_of(problem: FrameProblem, p: Floats, kept: Floats) -> Neighbours 
     if is_shaded(problem.lost_light[kept[:points]]):
         hats = _hats(problem, SHADED)[used] / scatter
         shaded = _most_likely(SHADED, residual, hats, by_free, normal)
-        if shaded.gain > found.gain:
+        if shaded.gain > found.gain + MIN_GAIN:
             found = shaded._replace(shaded=True)
     return found if found.gain > MIN_GAIN else None
 
@@ -152,7 +150,8 @@ def _hats(problem: FrameProblem, courses: _Courses) -> Floats:
     if courses is SHADED:
         sigmas = np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])
         radii = problem.beam.radius / np.maximum(sigmas, LEAST_SIGMA)
-        hats[: len(place)] *= (problem.lost_light * radii)[:, None]
+        shade = problem.lost_light
+        hats[: len(place)] *= (shade * radii)[:, None]
     return hats
 
 

@@ -30,7 +30,7 @@ def exact_fit(measurement: Measurement, *, beam: OwnBeamOf | None = None) -> Est
     if beam is not None or not measurement.uniform:
         return frame_estimate(measurement, partial(frame_problem_of, own_beam=beam)).estimate
     estimate, white = uniform_estimate(measurement)
-    if not is_shaded(measurement.view.lost_light) and (white or not estimate.values):
+    if not estimate.values or (white and not is_shaded(measurement.view.lost_light)):
         return estimate
     # A beam of another shape is refused. Otherwise all points scatter by more than is stated, or
     # neighbouring ones share errors: unless an object's shade explains them, the estimate with the
@@ -38,6 +38,5 @@ def exact_fit(measurement: Measurement, *, beam: OwnBeamOf | None = None) -> Est
     judged, shaded = frame_estimate(measurement)
     if judged.outcome is Outcome.INVALID or shaded:
         return judged
-    if not (judged.values and estimate.values):
-        return estimate
-    return judged if judged.sigma("x_c_m") > estimate.sigma("x_c_m") else estimate
+    sigma = judged.sigma("x_c_m") if judged.values else 0.0
+    return judged if sigma > estimate.sigma("x_c_m") else estimate
