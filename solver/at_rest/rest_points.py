@@ -204,7 +204,10 @@ def fit_columns(points: RestPoints, design: Floats, y: Floats) -> LinearFit:
         covariance = max(variance * correlation, n * in_rows, of_ground) * inverse
     else:
         by_grid = inverse @ (whitened.T @ points.grid)
-        covariance = max(variance * correlation, of_ground) * inverse + by_grid @ by_grid.T
+        # What neighbours still have in common belongs to rows, of which the rest shows few.
+        in_rows = _shared_by_neighbours(residual, points).significant / max(points.rows + 1, 1.0)
+        covariance = max(variance * correlation, n * in_rows, of_ground) * inverse
+        covariance += by_grid @ by_grid.T
     return LinearFit(
         coefficients[:m],
         covariance[:m, :m],
