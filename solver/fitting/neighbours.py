@@ -24,8 +24,9 @@ from solver.uniform.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 
 
 class _Courses(NamedTuple):
-    """Courses that are compared: number of `nodes` along the beam, correlation lengths over the
-    beam's length, and sigmas.
+    """Courses that are compared, by `nodes` along the beam.
+
+    Their correlation lengths are over the beam's length.
     """
 
     nodes: int
@@ -150,8 +151,7 @@ def _hats(problem: FrameProblem, courses: _Courses) -> Floats:
     if courses is SHADED:
         sigmas = np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])
         radii = problem.beam.radius / np.maximum(sigmas, LEAST_SIGMA)
-        shade = problem.lost_light
-        hats[: len(place)] *= (shade * radii)[:, None]
+        hats[: len(place)] *= (problem.lost_light * radii)[:, None]
     return hats
 
 
