@@ -121,9 +121,9 @@ def without_grid_error(line: Centreline, error: GridError) -> Centreline:
     column, error = int(not error.upright), error.across
     along, measured = line.points[moved, column], line.points[moved, 1 - column]
     if own is not None:
-        without = measured
+        corrected = measured
         for _ in range(_ROUNDS):
-            measured = without + own.at(along, _course(along, measured))
+            measured = corrected + own.at(along, _course(along, measured))
     course, shift = _course(along, measured), np.zeros_like(measured)
     # The error is that of the beam's true place, which the error itself has moved.
     for _ in range(_ROUNDS):
