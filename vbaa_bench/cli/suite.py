@@ -29,9 +29,9 @@ SuiteFolderPath = Annotated[
 ]
 
 
-@suite.command(cls=Command, epilog="Example: vbaa-bench suite run 1.0rc1 --track lite")
+@suite.command(cls=Command, epilog="Example: vbaa-bench suite run 1.0 --track lite")
 def run(
-    name: Annotated[str, typer.Argument(help="version of a suite, such as 1.0rc1, or its file")],
+    name: Annotated[str, typer.Argument(help="version of a suite, such as 1.0, or its file")],
     track: Tracks = None,
     method: Method = None,
     submission: Annotated[
@@ -99,7 +99,7 @@ def run(
         raise typer.Exit(1)
 
 
-@suite.command(cls=Command, epilog="Example: vbaa-bench suite verify runs/suite_1.0rc1")
+@suite.command(cls=Command, epilog="Example: vbaa-bench suite verify runs/suite_1.0")
 def verify(
     folder: SuiteFolderPath,
     track: Tracks = None,
@@ -166,7 +166,7 @@ def check(
         raise typer.Exit(1)
 
 
-@suite.command(cls=Command, epilog="Example: vbaa-bench suite leaderboard runs/suite_1.0rc1")
+@suite.command(cls=Command, epilog="Example: vbaa-bench suite leaderboard runs/suite_1.0")
 def leaderboard(folder: SuiteFolderPath, as_json: AsJson = False) -> None:
     """Rank all methods and submissions by track; write one HTML page and CSV tables.
 

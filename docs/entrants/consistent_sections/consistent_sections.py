@@ -12,7 +12,7 @@ paper tests three neighbours with a manual threshold; here the sections are the 
 consistent with all moments and their covariance, since three neighbours are hidden in noise where
 the beam bends little. It runs as it is:
 
-    vbaa-bench suite run 1.0rc1 --track lite --submission docs/entrants/consistent_sections
+    vbaa-bench suite run 1.0 --track lite --submission docs/entrants/consistent_sections
 """
 
 import math

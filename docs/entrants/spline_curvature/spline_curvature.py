@@ -12,7 +12,7 @@ slope theta_c. A contact without friction pushes at a right angle to the beam, s
 
 The plane is C, the clamp is at the origin, and no covariance is stated. It runs as it is:
 
-    vbaa-bench suite run 1.0rc1 --track lite --submission docs/entrants/spline_curvature
+    vbaa-bench suite run 1.0 --track lite --submission docs/entrants/spline_curvature
 """
 
 import math

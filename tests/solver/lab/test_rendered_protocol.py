@@ -122,7 +122,7 @@ def test_a_suite_scores_a_rendered_set_with_all_methods(
     rendered: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     command, out = CommandLine(cli.main, capfd), tmp_path / "runs"
-    ended = command("suite", "run", "1.0rc1", "--real", rendered, "--out", out)
+    ended = command("suite", "run", "1.0", "--real", rendered, "--out", out)
     assert ended.status == 0, ended
     ended = command("suite", "leaderboard", out, "--json")
     assert ended.status == 0, ended

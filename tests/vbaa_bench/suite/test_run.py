@@ -215,12 +215,12 @@ def test_what_cannot_be_run_is_refused_before_anything_is_rendered(
 ) -> None:
     suite = write_suite(tmp_path, small_scene, variant)
     folder = create_folder(tmp_path / "runs", str(suite))
-    other = write_submission(tmp_path / "other", Path("1.0rc1"), "code: mine:f", {"mine.py": "f=1"})
+    other = write_submission(tmp_path / "other", Path("1.0"), "code: mine:f", {"mine.py": "f=1"})
     for request, sentence in (
         (Request(methods=("exact_fits",)), "exact_fits"),
         (Request(tracks=("two",)), "track 'two' is unknown, allowed is one of one"),
         (Request(submissions=(tmp_path,)), r"method\.yaml: is missing"),
-        (Request(submissions=(other,)), r"suite is 1\.0rc1, allowed is small"),
+        (Request(submissions=(other,)), r"suite is 1\.0, allowed is small"),
     ):
         with pytest.raises(InputError, match=sentence):
             next(run_suite(folder, request, lambda _line: None))
@@ -232,8 +232,8 @@ def test_a_folder_belongs_to_one_version_of_a_suite(
 ) -> None:
     suite = write_suite(tmp_path, small_scene, variant)
     create_folder(tmp_path / "runs", str(suite))
-    with pytest.raises(InputError, match=r"holds the suite small, not 1\.0rc1; choose another"):
-        create_folder(tmp_path / "runs", "1.0rc1")
+    with pytest.raises(InputError, match=r"holds the suite small, not 1\.0; choose another"):
+        create_folder(tmp_path / "runs", "1.0")
     suite.write_text(suite.read_text(encoding="utf-8").replace("repeats: 1", "repeats: 2"))
     with pytest.raises(InputError, match="the suite small has changed since this folder was made"):
         open_folder(tmp_path / "runs")

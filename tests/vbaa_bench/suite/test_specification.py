@@ -95,7 +95,7 @@ def test_the_citation_has_the_digests_of_the_suites() -> None:
 def test_rules_on_the_page_are_those_of_the_suite() -> None:
     root = Path(__file__).parents[3]
     page = (root / "docs" / "suite.md").read_text(encoding="utf-8")
-    content = load_suite("1.0rc1").content
+    content = load_suite("1.0").content
     listed = dict(re.findall(r"^\| `(\w+)` \| ([\d,]+) \|", page, re.MULTILINE))
     assert {name: int(count.replace(",", "")) for name, count in listed.items()} == {
         name: sum(one.frames * (one.rigs or 1) for one in track.datasets.values())
