@@ -44,6 +44,9 @@ from solver.instrument.transforms import turn_about_z
 WIDTHS, FLAT_WIDTHS = (1, 2), (1, 2, 4, 8)
 # Pixels beside the beam that its image covers, before its section is known. Chosen: a sharp image.
 FIRST_REACH_PX = 2.0
+# How far the tip may be beyond the stated length, over it: up to there, pixels may show the beam,
+# not the ground. Chosen: rulers and wire cutters are better.
+TIP_MARGIN = 0.01
 
 
 @dataclass(frozen=True)
@@ -359,8 +362,8 @@ def _look_before(
 
 
 def _to_the_tip(places: Floats, guide: Guide) -> Floats:
-    """Compute the pixels (n, 2) of a path from the clamp to the tip."""
-    x = np.linspace(0.0, guide.length, 50)
+    """Compute the pixels (n, 2) of a path from the clamp to beyond the tip, wherever it is."""
+    x = np.linspace(0.0, (1 + TIP_MARGIN) * guide.length, 50)
     return guide.pixels(np.column_stack([x, np.interp(x, *places.T)]))
 
 

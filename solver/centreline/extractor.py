@@ -176,7 +176,7 @@ class BeamExtractor:
         """Fit the columns at n stations, find the tip, and flag outliers from a smooth course."""
         columns = self._fit(image, places, ground)
         length_px = self.guide.length / self.guide.pixel
-        tip = find_tip(flat, places, columns, self.appearance)
+        tip = find_tip(flat, places, columns, self.appearance, self.guide)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
         if (
             tip is not None

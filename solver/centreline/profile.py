@@ -50,12 +50,14 @@ class Profile(NamedTuple):
 
     Table j is for the section whose `radius` (k,) [px] is the j-th, from the clamp to the tip. Row
     i is for a beam that climbs i / (SLOPES - 1) px per column; the middle of a row is the axis; its
-    sum times STEP is one over the cosine of the climb, so that amplitudes are comparable. `length`
-    [px] is that of the beam along its path.
+    sum times STEP is one over the cosine of the climb, so that amplitudes are comparable.
+    `brightness` (k, n) [1/px] is what the pixels average, across the beam. `length` [px] is that of
+    the beam along its path.
     """
 
     value: Floats
     slope: Floats
+    brightness: Floats
     radius: Floats
     length: float
 
@@ -66,11 +68,9 @@ def profile(section: Section, length: float = 1.0) -> Profile:
     radii = section.radius * (1 + section.taper * places)
     extent = 1.5 * radii.max() + 5 * section.spread * 1.5 + 1.5
     fine = _fine_grid(extent)
-    tables = [
-        _tabulated(fine, _spread(fine, replace(section, radius=float(radius)))) for radius in radii
-    ]
-    value, slope = np.stack(tables, axis=1)
-    return Profile(value, slope, radii, length)
+    across = [_spread(fine, replace(section, radius=float(radius))) for radius in radii]
+    value, slope = np.stack([_tabulated(fine, one) for one in across], axis=1)
+    return Profile(value, slope, np.array(across)[:, ::4], radii, length)
 
 
 def spline_profile(values: Floats, step: float, reach: float) -> Profile:
@@ -82,8 +82,9 @@ def spline_profile(values: Floats, step: float, reach: float) -> Profile:
     fine = _fine_grid(1.5 * reach + 1.5)
     last = len(values) // 2 + 1
     knots = step * np.arange(-last, last + 1)
-    value, slope = _tabulated(fine, np.interp(fine, knots, np.concatenate([[0.0], values, [0.0]])))
-    return Profile(value[None], slope[None], np.array([reach]), 1.0)
+    across = np.interp(fine, knots, np.concatenate([[0.0], values, [0.0]]))
+    value, slope = _tabulated(fine, across)
+    return Profile(value[None], slope[None], across[None, ::4], np.array([reach]), 1.0)
 
 
 @njit

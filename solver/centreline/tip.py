@@ -1,4 +1,9 @@
-"""Detection of the beam's free end: where its brightness along the path falls to zero."""
+"""Detection of the beam's free end: where its brightness along the path falls to zero.
+
+The columns about the end say whether there is one, and where. Where the beam's section is known,
+the pixels there determine it more precisely: columns that are covered completely or not at all add
+noise to the sum.
+"""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.appearance import Appearance
+from solver.centreline.beam_end import BeamEnd, Light, StraightBeam, fit_end
 from solver.centreline.flags import Columns
+from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, pixel_variance
 from solver.centreline.profile import Profile, interpolate_column, nearest_table
 from solver.centreline.stations import Stations, read_column
@@ -16,12 +23,16 @@ from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.medians import median
+from solver.instrument.transforms import apply
 
 # Number of stations before the end that measure the beam's brightness, and beyond it, to test it.
 N_BEFORE, N_BEYOND = 12, 4
 # Columns that the beam's end covers in part may be flagged: the first dark column is searched
 # within this many after the last good one. Lens and pixel spread the end BLUR_COLUMNS further.
 FADE_COLUMNS, BLUR_COLUMNS = 4, 1
+# Sigma [px] of the end by columns, and of the fitted end, beside the noise. Both depend on the
+# place in the pixel. Chosen: below the noise of one image.
+STEP_SIGMA_PX, END_SIGMA_PX = 0.02, 0.007
 
 
 @dataclass(frozen=True)
@@ -34,14 +45,14 @@ class TipEstimate:
 
 
 def find_tip(
-    image: Grey, places: Stations, columns: Columns, look: Appearance
+    image: Grey, places: Stations, columns: Columns, look: Appearance, guide: Guide
 ) -> TipEstimate | None:
     """Locate the free end; return None where it is hidden, outside the image or ambiguous.
 
     The last good stations measure the brightness. The sum of light from there on, over that
     brightness, is the number of stations that the beam still covers (the area under a step). The
     background must be the same before and after the end: it changes at the edge of an object that
-    hides the beam.
+    hides the beam. A fit to the pixels then improves the place.
     """
     good, fits = np.flatnonzero(columns.flags == 0), columns.fits
     if len(good) < N_BEFORE:
@@ -65,31 +76,64 @@ def find_tip(
         image, ahead, centre, look.profile, look.noise, look.half, look.full_scale
     )
     misfit = fits.chi2[first:end] / np.maximum(fits.dof[first:end], 1) / look.misfit
-    covered, covered_variance = _covered_columns(
-        amplitude,
-        variance,
-        background,
-        misfit,
-        last + 1 - first,
-        fade,
-        fits.amplitude[reference],
-        fits.amplitude_sigma[reference],
-        fits.background[reference],
+    ground = fits.background[reference]
+    light = _light(fits.amplitude[reference], fits.amplitude_sigma[reference], ground)
+    covered, variance = _covered_columns(
+        amplitude, variance, background, misfit, last + 1 - first, fade, light, float(ground.std())
     )
-    if covered_variance == np.inf:
+    if variance == np.inf:
         return None
+    variance += STEP_SIGMA_PX**2
     forward = 1.0 if places.along[last] >= places.along[reference[0]] else -1.0
     along = places.along[first] - forward * 0.5 + forward * covered
-    across = climb * along + level
     upright = bool(places.upright[last])
-    pixel = np.array([along, across]) if upright else np.array([across, along])
+    line = StraightBeam(climb, level, forward, upright)
+    if not (look.is_sampled or look.faces):
+        end_shown = _end(look, guide, line, along, places.take(last))
+        fit = fit_end(image, line, end_shown, along, light, look.noise, look.full_scale)
+        if fit.variance == np.inf:
+            return None
+        along = fit.along
+        variance = fit.variance * max(fit.chi2 / fit.dof, look.misfit) + END_SIGMA_PX**2
+    (pixel,) = line.pixels(np.array([along]))
     # Measured along the beam; across it one pixel: the points beside it hold all information.
     tangent = (1.0, climb) if upright else (climb, 1.0)
     stretch = math.hypot(1.0, climb)
     axes = np.array([tangent, (-tangent[1] / stretch, tangent[0] / stretch)])
-    covariance = axes.T * (covered_variance + 0.02**2, 1.0) @ axes
-    length = float(places.length[first] + (covered - 0.5) * stretch)
+    covariance = axes.T * (variance, 1.0) @ axes
+    length = float(places.length[first] + forward * (along - places.along[first]) * stretch)
     return TipEstimate(pixel, covariance, length)
+
+
+def _light(amplitude: Floats, sigma: Floats, background: Floats) -> Light:
+    """Compute the light near the beam's end from that of n columns.
+
+    Noise averages out. Where a shadow or a light makes the columns differ by more, the brightness
+    at the end differs from their mean by as much.
+    """
+    scatter = float(amplitude.var())
+    unexplained = max(scatter - float((sigma * sigma).mean()), 0.0)
+    of_mean = math.sqrt(scatter / len(amplitude) + unexplained)
+    return Light(float(amplitude.mean()), of_mean, median(background))
+
+
+def _end(
+    look: Appearance, guide: Guide, line: StraightBeam, along: float, last: Stations
+) -> BeamEnd:
+    """Describe the end of a beam in plane C, whose `last` station is near a place `along`."""
+    table = nearest_table(look.profile, float(last.length))
+    brightness, radius = look.profile.brightness[table], float(look.profile.radius[table])
+    pixels = line.pixels(np.array([along - line.forward, along]))
+    in_plane = np.column_stack([guide.places(pixels), np.zeros(2)])
+    before, tip = apply(guide.antenna_from_beam, in_plane)
+    (towards,) = guide.camera.directions_from(tip[None])
+    return BeamEnd(
+        brightness=np.ascontiguousarray(brightness[:: int(last.sense)]),
+        spread=look.section.spread,
+        radius=radius,
+        # A beam that is seen from the side ends in a straight line.
+        bulge=radius * abs(float((tip - before) @ towards / np.linalg.norm(tip - before))),
+    )
 
 
 @njit
@@ -167,20 +211,18 @@ def _covered_columns(
     misfit: Floats,
     n_good: int,
     fade: int,
-    reference_amplitude: Floats,
-    reference_amplitude_sigma: Floats,
-    reference_background: Floats,
+    light: Light,
+    background_sigma: float,
 ) -> tuple[float, float]:
     """Estimate how many columns of a window (n,) the beam covers, and the variance.
 
-    The variance is infinite where the end is ambiguous. `reference` values are those of the columns
-    before, whose mean amplitude is the beam's; the first `n_good` columns are those up to the last
-    good one.
+    The variance is infinite where the end is ambiguous. `light` is that of the columns before, and
+    `background_sigma` the scatter of its background; the first `n_good` columns are those up to the
+    last good one.
     """
     ambiguous = 0.0, np.inf
-    typical = reference_amplitude.mean()
-    brightness, variance = amplitude / typical, amplitude_variance / typical**2
-    reference, reference_sigma = reference_amplitude / typical, reference_amplitude_sigma / typical
+    brightness = amplitude / light.amplitude
+    variance = amplitude_variance / light.amplitude**2
     dark = n_good
     while dark < len(brightness) and not abs(brightness[dark]) < THRESHOLDS.dark_fraction:
         dark += 1
@@ -190,15 +232,11 @@ def _covered_columns(
     beyond = brightness[end : end + N_BEYOND]
     if (np.abs(beyond) > THRESHOLDS.dark_fraction).any():
         return ambiguous
-    step = abs(median(background[end : end + N_BEYOND]) - median(reference_background))
-    if step > THRESHOLDS.max_step_sigmas * reference_background.std() + 0.5:
+    step = abs(median(background[end : end + N_BEYOND]) - light.background)
+    if step > THRESHOLDS.max_step_sigmas * background_sigma + 0.5:
         return ambiguous
     covered, total_variance = brightness[:end].sum(), variance[:end].sum()
-    # Noise of the brightnesses averages out. Where a shadow or a light makes them differ by more,
-    # the brightness at the end differs from their mean by as much.
-    scatter = reference.var()
-    unexplained = max(scatter - (reference_sigma * reference_sigma).mean(), 0.0)
-    total_variance += covered * covered * (scatter / len(reference) + unexplained)
+    total_variance += (covered * light.sigma / light.amplitude) ** 2
     # An object that touches the beam near its end biases all columns in the same direction.
     excess = np.maximum(misfit[:n_good] - THRESHOLDS.max_tip_misfit, 0.0)
     total_variance += np.sqrt(variance[:n_good] * excess).sum() ** 2

@@ -33,7 +33,7 @@ from vbaa_bench.dataset.scene_files import file_digests
 from vbaa_bench.suite.folder import SuiteFolder, rigs_of
 from vbaa_bench.suite.specification import Entry, Reference, Suite
 
-NOT_FROZEN: Final = "its digests are not frozen before 1.0"
+NOT_FROZEN: Final = "the suite has no digests of it"
 
 
 class Digests(Document):

@@ -75,7 +75,7 @@ def test_a_scene_that_is_not_as_the_suite_states_is_refused(suite: Path) -> None
 
 
 def test_an_unknown_suite_or_track_is_refused_with_those_that_exist(suite: Path) -> None:
-    with pytest.raises(InputError, match=r"suite 'x' is unknown, allowed is .*1\.0rc1"):
+    with pytest.raises(InputError, match=r"suite 'x' is unknown, allowed is .*1\.0"):
         load_suite("x")
     with pytest.raises(InputError, match="track 'papers' is unknown, allowed is one of one"):
         load_suite(str(suite)).entries(("papers",))
