@@ -19,6 +19,7 @@ from typing import Any, Final
 from solver.instrument.safe_path import safe_path
 from vbaa_bench.scene.user_modules import modules_in_use
 from vbaa_bench.workers.jobs import Ended, Job, WorkerDiedError, Workers
+from vbaa_bench.workers.kernels import reference_kernels
 from vbaa_bench.workers.worker_process import Message, serve
 
 # Seconds between two looks at a pool without news, at which Ctrl-C is noticed on Windows. Chosen.
@@ -114,7 +115,7 @@ class Pool(Workers):
     def _started(self) -> _Worker:
         here, there = self._context.Pipe()
         process = self._context.Process(target=serve, args=(there, GROWTH_MB))
-        with _interrupt_blocked(), _main_module_hidden(), safe_path():
+        with _interrupt_blocked(), _main_module_hidden(), safe_path(), reference_kernels():
             process.start()
         there.close()  # so that the end of the process is the end of the connection
         worker = _Worker(process, here)
