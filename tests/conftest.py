@@ -21,6 +21,7 @@ from tests.draws import SEED, generator, seeded
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.workers.kernels import reference_variables
 
 # Test files that take longest, first: no worker process begins one when the others have no more.
 # The first compiles the solver's functions. Those of rendering and mechanics need none of them: no
@@ -87,6 +88,8 @@ def pytest_configure(config: pytest.Config) -> None:
     config.option.hypothesis_seed = str(SEED)  # does not matter to the profile of seed 0
     # What a test writes need not survive a power failure: it waits for no disk.
     os.fsync = lambda fd: None  # noqa: ARG005  # the name is part of its type
+    # The worker processes of the tests make data as those of the product do: to the same bytes.
+    os.environ |= reference_variables()
     if "PYTEST_XDIST_WORKER" in os.environ:
         # Kernels in one thread: those that wait for each other take a third more time, or more.
         drjit.set_thread_count(1)

@@ -19,15 +19,23 @@ _FMA3: Final = 12
 _AVX_512F: Final = 13
 
 
-@contextlib.contextmanager
-def reference_kernels() -> Iterator[None]:
-    """Let processes that are started here use these kernels, unless the user has chosen others."""
+def reference_variables() -> dict[str, str]:
+    """Return the variables of the environment that choose these kernels for a new process.
+
+    Those that the user has set are left out: the choice is kept.
+    """
     names = {}
     if cv2.checkHardwareSupport(_AVX2) and cv2.checkHardwareSupport(_FMA3):
         names["OPENBLAS_CORETYPE"] = "Haswell"
     if cv2.checkHardwareSupport(_AVX_512F):
         names["NPY_DISABLE_CPU_FEATURES"] = "X86_V4 AVX512_ICL AVX512_SPR"
-    added = {name: value for name, value in names.items() if name not in os.environ}
+    return {name: value for name, value in names.items() if name not in os.environ}
+
+
+@contextlib.contextmanager
+def reference_kernels() -> Iterator[None]:
+    """Let processes that are started here use these kernels."""
+    added = reference_variables()
     os.environ.update(added)
     try:
         yield
