@@ -112,6 +112,12 @@ def bent(theta: float, s_c: float = 0.6, tilt: float = 0.0, offset: float = 0.0)
     return np.column_stack([x, y + offset])
 
 
+def longer(shape: Floats, by: float) -> Floats:
+    """Places (n, 2) [m] of a beam that goes straight on, `by` [m] further than this shape."""
+    towards = (shape[-1] - shape[-2]) / np.hypot(*(shape[-1] - shape[-2]))
+    return np.vstack([shape, shape[-1] + np.linspace(0.01, 1, 20)[:, None] * by * towards])
+
+
 def cover(
     pixels: Floats, look: Look, shape: tuple[int, int], points: int = 987, generator: int = 610
 ) -> tuple[Floats, Floats]:

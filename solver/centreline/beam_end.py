@@ -20,7 +20,7 @@ from solver.instrument.small_matrices import solve
 # Mean extent of half an ellipse along its axis, over the half axis. Derived.
 MEAN_BULGE: Final = math.pi / 4
 # Places along each side of a pixel at which the image is evaluated. Measured: with twice as many,
-# the end moves by less than 0.001 px.
+# the end moves by 0.0013 px (root mean square; the largest of 60 changes was 0.005 px).
 FINE: Final = 8
 # Smallest blur [px] along the beam that these places resolve. Chosen.
 MIN_SPREAD_PX: Final = 0.08
@@ -38,8 +38,8 @@ MAX_STEPS: Final = 8
 TOLERANCE_PX: Final = 1e-4
 MAX_STEP_PX: Final = 0.5
 # Parameters of the fit. The background is a straight line across the beam.
-END, AMPLITUDE, BACKGROUND, SLOPE, BULGE, WIDTH = range(6)
 _PARAMETERS: Final = 6
+END, AMPLITUDE, BACKGROUND, SLOPE, BULGE, WIDTH = range(_PARAMETERS)
 
 
 class StraightBeam(NamedTuple):
@@ -197,6 +197,11 @@ def _pixel(
     stretch, blur = math.hypot(1.0, line.climb), max(end.spread, MIN_SPREAD_PX)
     middle, size = len(end.brightness) // 2, FINE * FINE
     value = by_end = by_bulge = by_width = 0.0
+    slopes[END] = slopes[BULGE] = slopes[WIDTH] = 0.0
+    # Most pixels are beside the beam, and show none of its light.
+    extent = (end.radius * p[WIDTH] + 5 * end.spread + 1) * stretch
+    if abs(row - (line.climb * column + line.level)) > extent:
+        return 0.0
     for i in range(FINE):
         u = column + (i + 0.5) / FINE - 0.5
         for j in range(FINE):

@@ -5,16 +5,10 @@ import pytest
 
 from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.instrument.arrays import Floats
-from tests.beam_images import METRES_PER_PIXEL, bent, drawn, guide
+from tests.beam_images import METRES_PER_PIXEL, bent, drawn, guide, longer
 from tests.draws import generator
 from tests.solver.centreline.test_beam import BRIGHT, SENSOR, TILT, UP, learned, seen
 from tests.solver.centreline.test_ground import felt
-
-
-def longer(shape: Floats, by: float) -> Floats:
-    """The shape (n, 2) [m] of a beam that is longer by this [m] than it."""
-    towards = (shape[-1] - shape[-2]) / np.hypot(*(shape[-1] - shape[-2]))
-    return np.vstack([shape, shape[-1] + np.linspace(0.01, 1, 20)[:, None] * by * towards])
 
 
 def off_along(beam: BeamExtractor, light: Floats, shape: Floats, roll: float, seed: int) -> Floats:

@@ -8,7 +8,17 @@ import pytest
 from solver.centreline import Centreline
 from solver.centreline.extractor import learn_profile_fit
 from solver.instrument.arrays import Floats, Mask
-from tests.beam_images import HEIGHT, LENGTH, METRES_PER_PIXEL, WIDTH, Look, bent, drawn, guide
+from tests.beam_images import (
+    HEIGHT,
+    LENGTH,
+    METRES_PER_PIXEL,
+    WIDTH,
+    Look,
+    bent,
+    drawn,
+    guide,
+    longer,
+)
 from tests.solver.centreline.test_beam import (
     BRIGHT,
     DARK,
@@ -22,13 +32,12 @@ from tests.solver.centreline.test_beam import (
 
 
 def pushed(
-    theta: float, look: Look = BRIGHT, roll: float = 0.0, longer: float = 0.0
+    theta: float, look: Look = BRIGHT, roll: float = 0.0, by: float = 0.0
 ) -> tuple[Floats, Floats]:
-    """The light of a pushed beam that is `longer` [m] than it should be, and its tip (2,)."""
+    """The light of a pushed beam that is longer than it should be `by` [m], and its tip (2,)."""
     shape = bent(theta, 0.6, TILT)
-    if longer:
-        towards = (shape[-1] - shape[-2]) / np.hypot(*(shape[-1] - shape[-2]))
-        shape = np.vstack([shape, shape[-1] + np.linspace(0.01, 1, 20)[:, None] * longer * towards])
+    if by:
+        shape = longer(shape, by)
     return drawn(guide(roll), shape, look), guide(roll).pixels(shape)[-1]
 
 
@@ -76,7 +85,7 @@ def test_the_tip_s_covariance_lies_along_the_beam(roll: float, theta: float) -> 
 def test_the_tip_follows_no_pixel_grid() -> None:
     off = []
     for part in np.linspace(0, 1, 8, endpoint=False):
-        light, tip = pushed(0.1, longer=float(part) * 0.5e-3 + 1e-6)
+        light, tip = pushed(0.1, by=float(part) * 0.5e-3 + 1e-6)
         line = seen(light, learned())
         assert line.tip is not None
         off.append(line.tip[0] - tip[0])
@@ -136,6 +145,6 @@ def test_a_tip_out_of_the_image_is_not_told() -> None:
     light = drawn(guide(), bent(0.7, 0.4, TILT), BRIGHT)
     assert seen(light, learned()).tip is None
     # And one that leaves at the end.
-    light, tip = pushed(0.0, longer=0.02)
+    light, tip = pushed(0.0, by=0.02)
     assert tip[0] > WIDTH
     assert seen(light, learned()).tip is None
