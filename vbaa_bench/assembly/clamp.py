@@ -27,7 +27,8 @@ def holder_surfaces(scene: Scene) -> Iterator[tuple[str, Surface]]:
     if scene.clamp is not None:
         yield from _clamp_surfaces(scene, scene.clamp)
         if not offset.any():
-            top = -scene.clamp.jaw_mm[2] / 2 * mm
+            # The hub carries the flange: were both tops at one height, either could be seen.
+            top = -(scene.clamp.jaw_mm[2] / 2 + scene.clamp.flange_thickness_mm) * mm
     bottom = scene.background.height if spec.bottom_mm is None else spec.bottom_mm * mm
     hub = clamp.hub(spec.radius_mm * mm, bottom, top)
     if offset.any():

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.instrument.arrays import Floats, Mask
+from vbaa_bench.render.intersection import intersected
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
@@ -104,7 +105,7 @@ def _centres(world: World, column: Any, row: Any, still: bool = False) -> tuple[
     Also whether they meet the beam, and whether the beam is behind what they meet.
     """
     ray = world.optics.centre_ray(column, row)
-    si = (world.still if still else world.scene).ray_intersect(ray)
+    si = intersected(world.still if still else world.scene, ray, mi.Bool(True))
     index = world.index_of(si, still=still)
     towards = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
     facing = dr.select(si.is_valid(), towards, mi.Normal3f(0))
@@ -143,7 +144,7 @@ def _behind(world: World, ray: Any, si: Any, beam: Any, number: int) -> Any:
     hidden = mi.Bool(False)
     searching = si.is_valid() & ~beam
     for _ in range(_MAX_SURFACES):
-        si = world.scene.ray_intersect(si.spawn_ray(ray.d), searching)
+        si = intersected(world.scene, si.spawn_ray(ray.d), searching)
         reached = searching & (world.index_of(si) == number)
         hidden |= reached
         searching &= si.is_valid() & ~reached

@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 
 from vbaa_bench.render import lattice
+from vbaa_bench.render.intersection import intersected
 from vbaa_bench.render.strata import Strata, place
 from vbaa_bench.render.world import World
 
@@ -29,7 +30,7 @@ def shaded(
 
     Only if lamps are `seen`, their own radiance counts: to a surface they give it in any case.
     """
-    si = scene.ray_intersect(ray, active)
+    si = intersected(scene, ray, active)
     radiance = si.emitter(scene, active).eval(si, active)[0] if seen else mi.Float(0)
     hit = active & si.is_valid()
     material = si.bsdf()

@@ -14,6 +14,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
+from vbaa_bench.render.intersection import intersected
 from vbaa_bench.render.shading import bounced, shaded, shadow
 from vbaa_bench.render.strata import Strata, place
 from vbaa_bench.render.variant import is_scalar, uses_optix
@@ -243,7 +244,7 @@ def _change_at(
     """Estimate the change at one place in a pixel, with `count` points of each lamp."""
     first, lights = world.optics.dimensions, len(world.scene.emitters())
     ray, lamps = world.optics.ray(column, row, shifts), shifts[first : first + lights]
-    si = world.scene.ray_intersect(ray)
+    si = intersected(world.scene, ray, mi.Bool(True))
     moving = world.moves(world.index_of(si))
     static = si.is_valid() & ~moving
     lost = shadow(world, si, lamps, count, static)
@@ -251,7 +252,7 @@ def _change_at(
     still, _ = shaded(world.still, ray, lamps, moving)
     change = dr.select(moving, full - still, -lost)
     if world.bounces > 1:
-        behind = world.still.ray_intersect(ray)
+        behind = intersected(world.still, ray, mi.Bool(True))
         change += _reflected_change(world, si, behind, shifts[first + lights :], count)
     return change, _cover(world, si)
 

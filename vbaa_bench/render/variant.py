@@ -93,6 +93,8 @@ def activate(variant: str, threads: int, *, colour: bool = False) -> None:
     mitsuba.set_variant(name.replace("_mono", "_rgb") if colour else name)
     mitsuba.set_log_level(mitsuba.LogLevel.Error)  # else its progress bars mix with ours
     drjit.set_thread_count(threads)
+    # Its reciprocal square roots are approximations that differ between makers of processors.
+    drjit.set_flag(drjit.JitFlag.FastMath, False)
     if name == FAST:
         _compile_for(reference_target(variant))
 

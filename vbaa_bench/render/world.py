@@ -121,9 +121,8 @@ class World:
         sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
         emitters = {f"light_{i}": emitter(light, matrix) for i, light in enumerate(self.lights)}
         integrator = {"type": "path", "max_depth": self.bounces + 1}
-        return load(
-            {"type": "scene", "sensor": sensor, "integrator": integrator, **emitters, **meshes}
-        )
+        parts = {"sensor": sensor, "integrator": integrator, **emitters, **meshes}
+        return load({"type": "scene", "embree_use_robust_intersections": True, **parts})
 
     @property
     def beam_index(self) -> int | None:
