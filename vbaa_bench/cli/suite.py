@@ -104,26 +104,27 @@ def verify(
     folder: SuiteFolderPath,
     track: Tracks = None,
     freeze: Annotated[
-        bool, typer.Option("--freeze", help="add the digests to those beside the suite instead")
+        bool,
+        typer.Option("--freeze", help="freeze them instead, in the file beside the suite"),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare datasets with the frozen digests of their suite.
+    """Compare datasets with the frozen frames of their suite.
 
     The exit status is 1 if a dataset is missing or damaged, or is not that of the suite.
     """
     with importing():
         from vbaa_bench.suite.folder import open_folder
-        from vbaa_bench.suite.frozen import freeze as freeze_digests
+        from vbaa_bench.suite.frozen import freeze as freeze_frames
         from vbaa_bench.suite.frozen import verify_suite
 
     opened = open_folder(folder)
     if freeze:
         if not track:
-            raise InputError("--freeze needs --track: digests are frozen track by track")
-        added = freeze_digests(opened, tuple(track))
-        sentence = f"{len(added)} digests added to {opened.suite.digests}"
-        print_result({"frozen": added, "file": str(opened.suite.digests)}, sentence, as_json)
+            raise InputError("--freeze needs --track: frames are frozen track by track")
+        added = freeze_frames(opened, tuple(track))
+        sentence = f"{len(added)} datasets added to {opened.suite.frozen}"
+        print_result({"frozen": added, "file": str(opened.suite.frozen)}, sentence, as_json)
         return
     verdicts = []
     for one in verify_suite(opened, tuple(track or ()), print_line):

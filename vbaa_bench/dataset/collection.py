@@ -214,3 +214,10 @@ def is_collection(root: Path) -> bool:
     """Test whether a folder holds a collection, perhaps a damaged one."""
     layout = CollectionLayout(root)
     return layout.scene.is_file() or layout.table.is_file()
+
+
+def rigs_of(root: Path) -> list[Layout]:
+    """List the datasets of a collection, or the one dataset that `root` is. Raises InputError."""
+    if is_collection(root):
+        return list(CollectionLayout(root).rigs().values())
+    return [Layout(root)]

@@ -14,10 +14,11 @@ import polars as pl
 from solver.instrument.files import sha256
 from solver.instrument.units import unit_of
 from vbaa_bench.dataset.document import read_json
+from vbaa_bench.dataset.fingerprint import others_digest
 from vbaa_bench.exports.card import DATA_LICENCE_URL, SUMMARY
 from vbaa_bench.exports.columns import VECTORS, description
 from vbaa_bench.exports.source import Source
-from vbaa_bench.scene.shipped import frozen_digests, shipped_suites
+from vbaa_bench.scene.shipped import frozen_frames, shipped_suites
 
 Node = dict[str, Any]
 
@@ -121,18 +122,18 @@ def document(source: Source, files: Sequence[Node], record_sets: Sequence[Node])
         "identifier": f"sha256:{source.digest}",
         "keywords": ["robotics", "tactile sensing", "vision-based active antenna", "synthetic"],
         "citeAs": BIBTEX.format(version=version),
-        **_suites(source.digest),
+        **_suites(others_digest(source.root)),
         **RAI,
         "distribution": list(files),
         "recordSet": [_splits(source), *record_sets],
     }
 
 
-def _suites(digest: str) -> Node:
-    """List the suites of the benchmark whose frozen digests have that of a dataset."""
+def _suites(others: str) -> Node:
+    """List the suites whose frozen frames have the rig and the readings of a dataset."""
     nodes = []
     for path in shipped_suites():
-        frozen = frozen_digests(path)
+        frozen = frozen_frames(path)
         datasets = read_json(frozen)["datasets"] if frozen.is_file() else {}
         nodes += [
             {
@@ -142,7 +143,7 @@ def _suites(digest: str) -> Node:
                 "identifier": f"sha256:{sha256(path)}",
             }
             for name, entry in datasets.items()
-            if entry["digest"] == digest
+            if entry["others"] == others
         ]
     return {"isPartOf": nodes} if nodes else {}
 

@@ -42,9 +42,9 @@ def shipped_suites() -> list[Path]:
     return sorted((shipped_scenes() / SUITES).glob("*.yaml"))
 
 
-def frozen_digests(suite: Path) -> Path:
-    """Return the path of the frozen digests of a suite, beside its file."""
-    return suite.with_suffix(".digests.json")
+def frozen_frames(suite: Path) -> Path:
+    """Return the path of the fingerprints of a suite's frames, beside its file."""
+    return suite.with_suffix(".frozen.json")
 
 
 def list_scenes() -> list[ShippedScene]:

@@ -19,7 +19,6 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_text
-from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.copies import complete_table
 from vbaa_bench.dataset.document import Document, check_document, read_json
 from vbaa_bench.dataset.layout import Layout, shard_numbers
@@ -63,13 +62,6 @@ class SuiteFolder:
     def entries_made(self) -> list[Entry]:
         """List the datasets of the suite that are in the folder, complete or not."""
         return [entry for entry in self.suite.entries() if self.results(entry).root.is_dir()]
-
-
-def rigs_of(root: Path) -> list[Layout]:
-    """List the datasets of a collection, or the one dataset that `root` is. Raises InputError."""
-    if is_collection(root):
-        return list(CollectionLayout(root).rigs().values())
-    return [Layout(root)]
 
 
 def frames_of(layout: Layout) -> pl.DataFrame:

@@ -1,13 +1,6 @@
-"""Frozen digests of a suite's datasets: proof that frames are those of the suite.
+"""Frozen frames of a suite: the fingerprints of its datasets, made on its reference target.
 
-The file `<version>.digests.json` beside a suite has two digests of each frozen dataset, made on the
-suite's reference target:
-
-- `digest` is that of the whole dataset, which `generate` prints. It also depends on the versions of
-  the code and of packages, which the truth records.
-- `frames` is that of the nominal rig, images, readings and labels alone: the lines of
-  observations/hashes.json and of truth/shard_*/hashes.json of every rig, sorted by name. Another
-  version of the program that renders the same frames gives the same one.
+They are in the file `<version>.frozen.json` beside the suite.
 """
 
 import json
@@ -16,10 +9,9 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import sha256, write_text
-from solver.instrument.hashes import HASHES, digest
+from solver.instrument.files import write_text
 from vbaa_bench.api.verification import verify as verify_dataset
-from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.collection import CollectionLayout, rigs_of
 from vbaa_bench.dataset.document import (
     Document,
     as_in_file,
@@ -28,25 +20,22 @@ from vbaa_bench.dataset.document import (
     listing,
     read_json,
 )
-from vbaa_bench.dataset.overall_digest import dataset_digest
+from vbaa_bench.dataset.fingerprint import Fingerprint, compare, fingerprint
 from vbaa_bench.dataset.scene_files import file_digests
-from vbaa_bench.suite.folder import SuiteFolder, rigs_of
+from vbaa_bench.suite.folder import SuiteFolder
 from vbaa_bench.suite.specification import Entry, Reference, Suite
 
-NOT_FROZEN: Final = "the suite has no digests of it"
+NOT_FROZEN: Final = "the suite has no fingerprint of it"
 
-
-class Digests(Document):
-    """The digests of a dataset, see above."""
-
-    digest: str
-    frames: str
+# Smallest share of images that differ by rounding at most. Chosen: of another seed, a twentieth
+# would, by chance.
+_MOST: Final = 0.9
 
 
 class _Frozen(Document):
     variant: str
     target: str
-    datasets: dict[str, Digests]
+    datasets: dict[str, Fingerprint]
 
 
 class Verdict(NamedTuple):
@@ -57,30 +46,15 @@ class Verdict(NamedTuple):
     sentence: str
 
 
-def frames_digest(root: Path) -> str:
-    """Compute the digest of images, readings and labels. Raises InputError."""
-    try:
-        paths = [
-            path
-            for layout in rigs_of(root)
-            for path in (layout.hashes, *layout.truth.glob(f"shard_*/{HASHES}"))
-        ]
-        named = {path.relative_to(root).as_posix(): path for path in paths}
-        lines = [f"{sha256(path)}  {name}\n" for name, path in sorted(named.items())]
-    except OSError as error:
-        raise InputError(f"{root}: cannot be read ({error.strerror})") from error
-    return digest("".join(lines).encode())
-
-
-def read_frozen(suite: Suite) -> dict[str, Digests]:
-    """Read the frozen digests of a suite by dataset; none without a file. Raises InputError."""
-    if not suite.digests.is_file():
+def read_frozen(suite: Suite) -> dict[str, Fingerprint]:
+    """Read a suite's frozen fingerprints by dataset; none without a file. Raises InputError."""
+    if not suite.frozen.is_file():
         return {}
-    frozen = check_document(suite.digests, read_json(suite.digests), _Frozen)
+    frozen = check_document(suite.frozen, read_json(suite.frozen), _Frozen)
     reference = suite.content.reference
     if (frozen.variant, frozen.target) != (reference.variant, reference.target):
         raise InputError(
-            f"{suite.digests}: is of {frozen.variant} for {frozen.target}, allowed is "
+            f"{suite.frozen}: is of {frozen.variant} for {frozen.target}, allowed is "
             f"{reference.variant} for {reference.target}, the reference of the suite"
         )
     return frozen.datasets
@@ -93,9 +67,8 @@ def verify_suite(
 ) -> Iterator[Verdict]:
     """Verify the datasets of these tracks, or of all that have any in the folder.
 
-    Files are compared with their hashes, the scene with that of the suite, and the digests with the
-    frozen ones if the dataset was made on the reference target. `on_fault` receives every fault of
-    a file. Raises InputError.
+    Files are compared with their hashes, the scene with that of the suite, and their fingerprints
+    with the frozen ones. `on_fault` receives every fault of a file. Raises InputError.
     """
     frozen = read_frozen(folder.suite)
     made = {entry.key for entry in folder.entries_made()}
@@ -110,10 +83,10 @@ def verify_suite(
 
 
 def freeze(folder: SuiteFolder, tracks: tuple[str, ...]) -> list[str]:
-    """Add the digests of complete datasets to the file beside the suite; return their names.
+    """Add the fingerprints of complete datasets to the file beside the suite; return their names.
 
     Raises InputError for a dataset that was not made on the reference target, is not that of the
-    suite, or has another digest already.
+    suite, or has another fingerprint already.
     """
     suite, frozen = folder.suite, read_frozen(folder.suite)
     added = []
@@ -128,19 +101,22 @@ def freeze(folder: SuiteFolder, tracks: tuple[str, ...]) -> list[str]:
                 f"{root}: cannot be frozen: was made with {made_with}, allowed is {reference}"
             )
         if entry.key not in frozen:
-            frozen[entry.key] = Digests(digest=dataset_digest(root), frames=frames_digest(root))
+            frozen[entry.key] = fingerprint(root)
             added.append(entry.key)
     order = [entry.key for entry in suite.entries() if entry.key in frozen]
     document = {
         **suite.content.reference.model_dump(),
         "datasets": {key: frozen[key].model_dump() for key in order},
     }
-    write_text(suite.digests, json.dumps(document, indent=1) + "\n")
+    write_text(suite.frozen, json.dumps(document, indent=1) + "\n")
     return added
 
 
 def _verdict(
-    folder: SuiteFolder, entry: Entry, frozen: Digests | None, on_fault: Callable[[str], None]
+    folder: SuiteFolder,
+    entry: Entry,
+    frozen: Fingerprint | None,
+    on_fault: Callable[[str], None],
 ) -> Verdict:
     root = folder.results(entry).root
     result = verify_dataset(root, on_fault=on_fault)
@@ -148,22 +124,26 @@ def _verdict(
         return Verdict(entry.key, False, f"has {len(result.faults)} faults: run the suite again")
     if changed := _other_scene(folder, entry):
         return Verdict(entry.key, False, f"is of another scene than the suite's ({changed})")
-    reference, made_with = folder.suite.content.reference, _made_with(root)
-    if frozen is not None and result.digest == frozen.digest:
-        return Verdict(entry.key, True, f"is the suite's, digest {result.digest}")
-    if frozen is not None and frames_digest(root) == frozen.frames:
-        sentence = "frames are the suite's; its digests are of another version of the program"
-        return Verdict(entry.key, True, sentence)
-    own = "scene, seed and files are the suite's"
     if frozen is None:
-        return Verdict(entry.key, True, f"{own}; {NOT_FROZEN}")
-    if made_with != _named(reference):
+        return Verdict(entry.key, True, f"scene, seed and files are the suite's; {NOT_FROZEN}")
+    compared = compare(root, frozen)
+    if compared.exact:
+        return Verdict(entry.key, True, f"is the suite's: all {compared.images} images are equal")
+    counted = f"{compared.equal} of {compared.images} images are equal"
+    if not compared.others:
+        counted += "; rig or readings differ"
+    else:
+        counted += f", {compared.rounded} but for rounding"
+        if compared.rounded >= _MOST * compared.images:
+            return Verdict(entry.key, True, f"frames are the suite's: {counted}")
+    made_with, reference = _made_with(root), _named(folder.suite.content.reference)
+    if made_with != reference:
         sentence = (
-            f"{own}; made with {made_with}, whose bytes are not those of {_named(reference)}: "
-            "some pixels differ by rounding, see results/same_bytes"
+            f"scene and seed are the suite's: {counted}; it was made with {made_with}, which "
+            f"rounds otherwise than {reference}, see results/same_bytes"
         )
         return Verdict(entry.key, True, sentence)
-    return Verdict(entry.key, False, f"frames are not the suite's, digest {result.digest}")
+    return Verdict(entry.key, False, f"frames are not the suite's: {counted}")
 
 
 def _other_scene(folder: SuiteFolder, entry: Entry) -> str:

@@ -12,6 +12,7 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
+from vbaa_bench.dataset.collection import rigs_of
 from vbaa_bench.dataset.recorded import exists
 from vbaa_bench.dataset.splits import check_split
 from vbaa_bench.regression.compared import LEAST_RELATIVE_CHANGE_OF_TIME
@@ -21,7 +22,7 @@ from vbaa_bench.scoring.ranking import FEWEST_GROUPS, by_solve, ranks, statistic
 from vbaa_bench.scoring.results_layout import Results
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.suite.figures import ERROR, FIGURES, TIME
-from vbaa_bench.suite.folder import SuiteFolder, frames_of, rigs_of
+from vbaa_bench.suite.folder import SuiteFolder, frames_of
 from vbaa_bench.suite.real import scored_sets
 from vbaa_bench.suite.specification import Entry
 from vbaa_bench.suite.submission import Submission

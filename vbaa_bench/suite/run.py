@@ -12,7 +12,7 @@ from solver.instrument.observation import open_observations
 from solver.methods import METHODS, Method
 from solver.methods.by_name import find_method
 from vbaa_bench.api import data, results
-from vbaa_bench.dataset.collection import count_frames
+from vbaa_bench.dataset.collection import count_frames, rigs_of
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.lock import writing
 from vbaa_bench.dataset.overall_digest import dataset_digest
@@ -21,7 +21,7 @@ from vbaa_bench.limits.dataset_limits import Progress, dataset_limits
 from vbaa_bench.scoring.isolation.runs import applicable
 from vbaa_bench.scoring.predictions import parsed, read_file
 from vbaa_bench.scoring.results_layout import Results, run_name
-from vbaa_bench.suite.folder import SuiteFolder, frames_of, rigs_of
+from vbaa_bench.suite.folder import SuiteFolder, frames_of
 from vbaa_bench.suite.real import open_set
 from vbaa_bench.suite.specification import Entry, load_suite
 from vbaa_bench.suite.submission import METHOD_FILE, Submission, read_submission

@@ -12,7 +12,7 @@ from solver.lab.protocol import MIN_LOADS, MIN_PLACES
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile, load_scene, read_model
 from vbaa_bench.scene.part import Part
-from vbaa_bench.scene.shipped import frozen_digests, shipped_scenes, shipped_suites
+from vbaa_bench.scene.shipped import frozen_frames, shipped_scenes, shipped_suites
 from vbaa_bench.scoring.isolation.runs import MAX_FRAME_S
 from vbaa_bench.scoring.scored_quantities import CONSISTENT_SIGMAS
 from vbaa_bench.scoring.statistics import FAILURE_ERROR_PCT_L
@@ -63,7 +63,7 @@ class Track(Part):
 
 
 class Reference(Part):
-    """The renderer's target on which frames have the frozen digests."""
+    """The renderer's target on which the frozen frames were made."""
 
     variant: str
     target: str
@@ -139,9 +139,9 @@ class Suite:
     content: Specification
 
     @property
-    def digests(self) -> Path:
-        """The file of the frozen digests, beside that of the suite."""
-        return frozen_digests(self.path)
+    def frozen(self) -> Path:
+        """The file of the frozen frames, beside that of the suite."""
+        return frozen_frames(self.path)
 
     @property
     def sha256(self) -> str:

@@ -9,11 +9,11 @@ from solver.instrument.errors import DamageError
 from solver.instrument.files import sha256
 from tests.vbaa_bench.exports.test_formats import exported
 from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
-from vbaa_bench.dataset.overall_digest import dataset_digest
+from vbaa_bench.dataset.fingerprint import others_digest
 from vbaa_bench.exports import croissant, croissant_document
 from vbaa_bench.exports.croissant import document_errors, write_croissant
 from vbaa_bench.exports.source import open_source
-from vbaa_bench.scene.shipped import frozen_digests
+from vbaa_bench.scene.shipped import frozen_frames
 
 
 def test_a_document_lists_files_with_sha256_and_fields_with_units(tmp_path: Path) -> None:
@@ -83,8 +83,8 @@ def test_a_frozen_dataset_of_a_suite_is_part_of_it(
     suite.write_text("version: 2.0\n", encoding="utf-8")
     monkeypatch.setattr(croissant_document, "shipped_suites", lambda: [suite])
     assert "isPartOf" not in json.loads(write_croissant(root).read_bytes())
-    digests = {"paper/fig8": {"digest": dataset_digest(root)}, "paper/fig9": {"digest": "0" * 64}}
-    frozen_digests(suite).write_text(json.dumps({"datasets": digests}), encoding="utf-8")
+    datasets = {"paper/fig8": {"others": others_digest(root)}, "paper/fig9": {"others": "0" * 64}}
+    frozen_frames(suite).write_text(json.dumps({"datasets": datasets}), encoding="utf-8")
     (part,) = json.loads(write_croissant(root).read_bytes())["isPartOf"]
     assert part["name"] == "VBAA-Bench suite 2.0, paper/fig8"
     assert part["identifier"] == f"sha256:{sha256(suite)}"

@@ -7,7 +7,8 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
-from vbaa_bench.suite.folder import frames_of, rigs_of
+from vbaa_bench.dataset.collection import rigs_of
+from vbaa_bench.suite.folder import frames_of
 from vbaa_bench.suite.leaderboard import rows_of_split
 
 

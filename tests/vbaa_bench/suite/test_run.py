@@ -17,7 +17,7 @@ from vbaa_bench.limits import dataset_limits
 from vbaa_bench.suite import leaderboard as leaderboard_module
 from vbaa_bench.suite import run as run_module
 from vbaa_bench.suite.folder import SuiteFolder, create_folder, open_folder
-from vbaa_bench.suite.frozen import NOT_FROZEN, frames_digest, freeze, verify_suite
+from vbaa_bench.suite.frozen import NOT_FROZEN, freeze, verify_suite
 from vbaa_bench.suite.leaderboard import leaderboard
 from vbaa_bench.suite.page import write_leaderboard
 from vbaa_bench.suite.run import Request, run_suite
@@ -155,9 +155,7 @@ def test_code_is_run_on_a_fresh_seed_and_the_page_says_so(
     assert f"run on seed {folder.fresh_seed}" in page
 
 
-def test_frozen_digests_prove_the_frames(ran: SuiteFolder) -> None:
-    (entry,) = ran.suite.entries()
-    results = ran.results(entry)
+def test_fingerprints_prove_the_frames(ran: SuiteFolder) -> None:
     (verdict,) = verify_suite(ran)
     assert verdict.holds
     assert verdict.sentence == f"scene, seed and files are the suite's; {NOT_FROZEN}"
@@ -165,29 +163,27 @@ def test_frozen_digests_prove_the_frames(ran: SuiteFolder) -> None:
         assert freeze(ran, ("one",)) == ["one/pushes"]
         assert freeze(ran, ("one",)) == []
         (verdict,) = verify_suite(ran)
-        assert verdict.sentence.startswith("is the suite's, digest ")
-        document = json.loads(ran.suite.digests.read_text(encoding="utf-8"))
-        digests = document["datasets"]["one/pushes"]
-        assert digests["frames"] == frames_digest(results.root)
-        # As if another version of the code had made the same frames.
-        digests["digest"] = "0" * 64
-        ran.suite.digests.write_text(json.dumps(document), encoding="utf-8")
-        (verdict,) = verify_suite(ran)
-        assert verdict.holds
-        assert "another version of the program" in verdict.sentence
-        digests["frames"] = "0" * 64
-        ran.suite.digests.write_text(json.dumps(document), encoding="utf-8")
-        (verdict,) = verify_suite(ran)
-        assert not verdict.holds
-        assert verdict.sentence.startswith("frames are not the suite's")
+        assert verdict.sentence.startswith("is the suite's: all ")
+        document = json.loads(ran.suite.frozen.read_text(encoding="utf-8"))
+        frozen = document["datasets"]["one/pushes"]
+        sums = [int(value) for value in frozen["images"].split()]
+        for change, sentence in (
+            (3, f"frames are the suite's: 0 of {len(sums)} images are equal, {len(sums)} but for"),
+            (10_000, f"frames are not the suite's: 0 of {len(sums)} images are equal, 0 but for"),
+        ):
+            frozen["images"] = " ".join(str(value + change) for value in sums)
+            ran.suite.frozen.write_text(json.dumps(document), encoding="utf-8")
+            (verdict,) = verify_suite(ran)
+            assert verdict.sentence.startswith(sentence)
+            assert verdict.holds == (change == 3)
         with pytest.raises(InputError, match="cannot be frozen: frames are not the suite's"):
             freeze(ran, ("one",))
         document["target"] = "another"
-        ran.suite.digests.write_text(json.dumps(document), encoding="utf-8")
+        ran.suite.frozen.write_text(json.dumps(document), encoding="utf-8")
         with pytest.raises(InputError, match="for another, allowed is"):
             list(verify_suite(ran))
     finally:
-        ran.suite.digests.unlink(missing_ok=True)
+        ran.suite.frozen.unlink(missing_ok=True)
 
 
 def test_damage_and_missing_datasets_are_named(ran: SuiteFolder, tmp_path: Path) -> None:

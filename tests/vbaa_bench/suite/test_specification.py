@@ -10,7 +10,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import sha256
 from tests.vbaa_bench.suite.small import write_suite
 from vbaa_bench.scene.frames import Frames
-from vbaa_bench.scene.shipped import frozen_digests, shipped_suites
+from vbaa_bench.scene.shipped import frozen_frames, shipped_suites
 from vbaa_bench.suite.frozen import read_frozen
 from vbaa_bench.suite.specification import load_suite
 
@@ -85,7 +85,7 @@ def test_the_citation_has_the_digests_of_the_suites() -> None:
     root = Path(__file__).parents[3]
     citation = YAML(typ="safe").load((root / "CITATION.cff").read_text(encoding="utf-8"))
     stated = {one["value"]: one["description"] for one in citation["identifiers"]}
-    files = [path for suite in shipped_suites() for path in (suite, frozen_digests(suite))]
+    files = [path for suite in shipped_suites() for path in (suite, frozen_frames(suite))]
     for path in files:
         name = path.relative_to(root).as_posix()
         assert name in stated[f"sha256:{sha256(path)}"]
