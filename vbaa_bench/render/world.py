@@ -122,6 +122,7 @@ class World:
         emitters = {f"light_{i}": emitter(light, matrix) for i, light in enumerate(self.lights)}
         integrator = {"type": "path", "max_depth": self.bounces + 1}
         parts = {"sensor": sensor, "integrator": integrator, **emitters, **meshes}
+        # Robust: no ray slips between two triangles, on one processor and not on another.
         return load({"type": "scene", "embree_use_robust_intersections": True, **parts})
 
     @property

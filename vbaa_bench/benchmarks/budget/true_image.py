@@ -22,16 +22,15 @@ def true_line(
 
     `curve` (m, 3) [m] runs from the clamp to the tip, in the frame in which `camera` is fixed. Each
     point moves along its own direction; points whose direction does not meet the curve are left
-    out. A measured tip is replaced by the image of the curve's end, raised by `tip_lift` [m]
-    towards the camera, as `Antenna.tip_in_beam_frame` expects; it stays if that is None. All sigmas
-    stay.
+    out. A measured tip is replaced by the image of the rim of the beam's end that is nearest to the
+    camera, `tip_lift` [m] from its axis; it stays if that is None. All sigmas stay.
     """
     pixels = camera.project(curve)
     points = crossings(pixels, line.points, line.directions)
     meets = np.isfinite(points[:, 0])
     tip = line.tip
     if tip is not None and tip_lift is not None:
-        tip = camera.project((curve[-1] + [0.0, 0.0, tip_lift])[None])[0]
+        tip = camera.project((curve[-1] + tip_lift * _upwards(curve[-1] - curve[-2]))[None])[0]
     return replace(
         line,
         points=points[meets],
@@ -39,6 +38,13 @@ def true_line(
         sigma=line.sigma[meets],
         tip=tip,
     )
+
+
+def _upwards(tangent: Floats) -> Floats:
+    """Return the unit vector across a `tangent` (3,) that is nearest to z, towards the camera."""
+    along = tangent / np.linalg.norm(tangent)
+    across = np.array([0.0, 0.0, 1.0]) - along[2] * along
+    return np.asarray(across / np.linalg.norm(across))
 
 
 def crossings(curve: Floats, points: Floats, directions: Floats) -> Floats:
