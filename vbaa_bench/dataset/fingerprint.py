@@ -7,9 +7,11 @@ prove nothing. A fingerprint has
   sign. The sums of two images differ by about the root of the sum of the squares of the differences
   of their pixels (Achlioptas 2003): by 0 to 20 where few pixels differ by rounding, by 600 where
   the noise is another;
-- `others`: a digest of all other files: rig.json, readings and labels.
+- `others`: a digest of all other files, rig.json and the readings, with numbers of nine digits: the
+  last ones of the readings follow from mechanics, and may differ by rounding, too.
 """
 
+import re
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -24,6 +26,7 @@ _IMAGE: Final = ".png"
 # Largest root mean square difference of two images, over the brightest gray value, that is called
 # rounding. Chosen: a tenth of a gray value of 8 bits; the sensor's noise is about one.
 _ROUNDING: Final = 0.1 / 255
+_NUMBER: Final = re.compile(rb"-?\d+\.\d+(e[-+]?\d+)?")
 
 
 class Fingerprint(Document):
@@ -78,9 +81,13 @@ def compare(root: Path, known: Fingerprint) -> Compared:
 
 
 def others_digest(root: Path) -> str:
-    """Compute the digest of all files but images. Raises InputError."""
-    files = [path for path in _files(root) if path.suffix != _IMAGE]
-    return digest("".join(f"{digest(read_bytes(path))}\n" for path in files).encode())
+    """Compute the digest of all files but images, see above. Raises InputError."""
+    texts = [read_bytes(path) for path in _files(root) if path.suffix != _IMAGE]
+    return digest(b"\n".join(_NUMBER.sub(_nine_digits, text) for text in texts))
+
+
+def _nine_digits(number: re.Match[bytes]) -> bytes:
+    return f"{float(number[0]):.9g}".encode()
 
 
 def _sums(root: Path) -> list[_Sum]:

@@ -4,11 +4,14 @@ Vectors of another width round differently, as on another processor. A pixel may
 last digits, but does not change the others. `results/same_bytes` measures it on all scenes.
 """
 
+import ctypes
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import drjit
 import numpy as np
 import pytest
 
@@ -92,7 +95,7 @@ def test_neighbours_and_seeds_have_independent_numbers(small_scene: Path, varian
 def test_the_width_of_vectors_changes_few_pixels(
     small_scene: Path, width: pytest.MonkeyPatch
 ) -> None:
-    images, radiances = list[dict[int, Floats]](), list[RenderedRadiance]()
+    images, radiances, widths = list[dict[int, Floats]](), list[RenderedRadiance](), list[int]()
     exposure = case(small_scene).renderer.measure_exposure()
     for values in (8, 4):
         width.setenv(WIDTH, str(values))
@@ -102,13 +105,21 @@ def test_the_width_of_vectors_changes_few_pixels(
         assert isinstance(sensor, Sensor)
         images.append({bits: exposed(sensor, bits, rendered) for bits in (8, 16)})
         radiances.append(rendered)
-    assert (radiances[0].radiance != radiances[1].radiance).any()  # else nothing was compared
-    # 11 of a million on average (results/same_bytes); by chance, 90 of 90,000 never.
+        widths.append(compiled_width())
+    assert widths == [8, 4]
+    # None of a million in most scenes (results/same_bytes); by chance, 90 of 90,000 never.
     assert np.mean(images[0][8] != images[1][8]) < 1e-3
     noise = sensor.noise_sigma(radiances[0].radiance) / float(sensor.largest_radiance) * 65_535
     # A ray that meets another surface at another width changes its pixel alone.
     squares = np.sort((images[0][16] - images[1][16]).ravel() ** 2)[: -noise.size // 10_000]
     assert np.sqrt(np.mean(squares)) < 0.01 * np.sqrt(np.mean(noise**2))
+
+
+def compiled_width() -> int:
+    """Number of values in the vectors of Dr.Jit's kernels, which it states in C++ only."""
+    suffix = "dylib" if sys.platform == "darwin" else "so"
+    core = ctypes.CDLL(str(Path(drjit.__file__).parent / f"libdrjit-core.{suffix}"))
+    return int(core._Z21jit_llvm_vector_widthv())
 
 
 def exposed(sensor: Sensor, bits: int, rendered: RenderedRadiance) -> Floats:
