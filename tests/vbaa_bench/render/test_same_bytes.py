@@ -107,7 +107,7 @@ def test_the_width_of_vectors_changes_few_pixels(
         radiances.append(rendered)
         widths.append(compiled_width())
     assert widths == [8, 4]
-    # None of a million in most scenes (results/same_bytes); by chance, 90 of 90,000 never.
+    # None of a million in 90 scenes (results/same_bytes); by chance, 90 of 90,000 never.
     assert np.mean(images[0][8] != images[1][8]) < 1e-3
     noise = sensor.noise_sigma(radiances[0].radiance) / float(sensor.largest_radiance) * 65_535
     # A ray that meets another surface at another width changes its pixel alone.
