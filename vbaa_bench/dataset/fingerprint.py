@@ -15,10 +15,10 @@ import re
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import cv2
 import numpy as np
 
 from solver.instrument.hashes import HASHES, digest, read_bytes
+from solver.instrument.images import ALL_CHANNELS, read_channels
 from vbaa_bench.dataset.collection import rigs_of
 from vbaa_bench.dataset.document import Document, read_json
 
@@ -37,20 +37,20 @@ class Fingerprint(Document):
 
 
 class Compared(NamedTuple):
-    """Number of images, of those that are equal, and of those that are but for rounding.
+    """Number of images, of those with the same sum, and of those with the same but for rounding.
 
     `others` says whether the other files are equal.
     """
 
     images: int
-    equal: int
+    same: int
     rounded: int
     others: bool
 
     @property
     def exact(self) -> bool:
-        """Whether nothing differs."""
-        return self.others and self.equal == self.images
+        """Whether no sum and no other file differs."""
+        return self.others and self.same == self.images
 
 
 class _Sum(NamedTuple):
@@ -69,7 +69,7 @@ def fingerprint(root: Path) -> Fingerprint:
 def compare(root: Path, known: Fingerprint) -> Compared:
     """Compare a dataset or collection with a fingerprint. Raises InputError.
 
-    Without the same number of images none is equal.
+    With another number of images none has the same sum.
     """
     sums, there = _sums(root), [int(value) for value in known.images.split()]
     others = others_digest(root) == known.others
@@ -95,9 +95,7 @@ def _sums(root: Path) -> list[_Sum]:
 
 
 def _sum(path: Path) -> _Sum:
-    image = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
-    assert image is not None, f"{path} is listed with its hash, and was written as an image"
-    pixels = image.ravel().astype(np.int64)
+    pixels = read_channels(path, ALL_CHANNELS).ravel().astype(np.int64)
     # Philox gives the same bits in every version of NumPy.
     words = np.random.Philox(key=0).random_raw(len(pixels) // 64 + 1).astype("<u8")
     signs = 2 * np.unpackbits(words.view(np.uint8))[: len(pixels)].astype(np.int64) - 1

@@ -128,22 +128,18 @@ def _verdict(
         return Verdict(entry.key, True, f"scene, seed and files are the suite's; {NOT_FROZEN}")
     compared = compare(root, frozen)
     if compared.exact:
-        return Verdict(entry.key, True, f"is the suite's: all {compared.images} images are equal")
-    counted = f"{compared.equal} of {compared.images} images are equal"
+        sentence = f"is the suite's: all {compared.images} images have the same sums"
+        return Verdict(entry.key, True, sentence)
+    counted = (
+        f"{compared.same} of {compared.images} images have the same sums, "
+        f"{compared.rounded} but for rounding"
+    )
+    if compared.others and compared.rounded >= _MOST * compared.images:
+        return Verdict(entry.key, True, f"frames are the suite's: {counted}")
     if not compared.others:
         counted += "; rig or readings differ"
-    else:
-        counted += f", {compared.rounded} but for rounding"
-        if compared.rounded >= _MOST * compared.images:
-            return Verdict(entry.key, True, f"frames are the suite's: {counted}")
-    made_with, reference = _made_with(root), _named(folder.suite.content.reference)
-    if made_with != reference:
-        sentence = (
-            f"scene and seed are the suite's: {counted}; it was made with {made_with}, which "
-            f"rounds otherwise than {reference}, see results/same_bytes"
-        )
-        return Verdict(entry.key, True, sentence)
-    return Verdict(entry.key, False, f"frames are not the suite's: {counted}")
+    sentence = f"frames are not the suite's: {counted}; made with {_made_with(root)}"
+    return Verdict(entry.key, False, sentence)
 
 
 def _other_scene(folder: SuiteFolder, entry: Entry) -> str:

@@ -108,6 +108,18 @@ class Perfect:
         return {name: share.rmse for name, share in shares_of(errors, CAUSES, groups).items()}
 
 
+def test_the_true_tip_is_the_rim_nearest_to_the_camera(dataset: Path) -> None:
+    """The end of a straight beam that climbs from plane C by 0.5 rad."""
+    camera, lift, angle = open_world(Layout(dataset)).camera, 3e-4, 0.5
+    along = np.array([np.cos(angle), 0.0, np.sin(angle)])
+    curve = np.linspace(0, 0.1, 50)[:, None] * along
+    nothing = np.empty((0, 2))
+    line = Centreline(nothing, nothing, np.empty(0), tip=np.zeros(2))
+    tip = true_line(line, camera, curve, lift).tip
+    rim = curve[-1] + lift * np.array([-np.sin(angle), 0.0, np.cos(angle)])
+    assert tip == pytest.approx(camera.project(rim[None])[0], abs=1e-9)
+
+
 @pytest.fixture(scope="module")
 def perfect(dataset: Path, observations: Observations, antenna: Antenna) -> Perfect:
     world = open_world(Layout(dataset))

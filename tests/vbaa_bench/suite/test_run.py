@@ -167,15 +167,13 @@ def test_fingerprints_prove_the_frames(ran: SuiteFolder) -> None:
         document = json.loads(ran.suite.frozen.read_text(encoding="utf-8"))
         frozen = document["datasets"]["one/pushes"]
         sums = [int(value) for value in frozen["images"].split()]
-        for change, sentence in (
-            (3, f"frames are the suite's: 0 of {len(sums)} images are equal, {len(sums)} but for"),
-            (10_000, f"frames are not the suite's: 0 of {len(sums)} images are equal, 0 but for"),
-        ):
+        for change, rounded in ((3, len(sums)), (10_000, 0)):
             frozen["images"] = " ".join(str(value + change) for value in sums)
             ran.suite.frozen.write_text(json.dumps(document), encoding="utf-8")
             (verdict,) = verify_suite(ran)
-            assert verdict.sentence.startswith(sentence)
-            assert verdict.holds == (change == 3)
+            counted = f"0 of {len(sums)} images have the same sums, {rounded} but for rounding"
+            assert counted in verdict.sentence
+            assert verdict.holds == (rounded > 0)
         with pytest.raises(InputError, match="cannot be frozen: frames are not the suite's"):
             freeze(ran, ("one",))
         document["target"] = "another"
