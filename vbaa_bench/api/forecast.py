@@ -33,6 +33,8 @@ from vbaa_bench.workers.resources import peak_memory_bytes
 PROBES: Final = 4
 # Rigs that each worker makes, of which the first compiles kernels. Chosen: takes half a minute.
 PROBED_RIGS: Final = 2
+# Time of a probe [s] after which it ends as soon as it is sufficient. From the requirement.
+SUFFICIENT_S: Final = 20.0
 # Longest time of a probe [s], after which it ends with what has been measured. Chosen: a person
 # waits for as long.
 LIMIT_S: Final = 180.0
@@ -91,10 +93,11 @@ def forecast(
     """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
 
     These frames are rendered, and their time and size are measured, with the same number of workers
-    as for the dataset. This takes seconds, and LIMIT_S at most: of frames that take minutes, fewer
-    are rendered. Of a collection, a few whole rigs are made, spread over its numbers, or a few
-    frames of the first one if no rig is made in this time. Pushes that are not probed may still be
-    impossible; `generate` checks more of them before it renders, and records the others.
+    as for the dataset. After SUFFICIENT_S, one frame in compiled kernels, or one rig per worker, is
+    sufficient; after LIMIT_S, what has been measured. Of a collection, a few whole rigs are made,
+    spread over its numbers, or a few frames of the first one if no rig is made in LIMIT_S. Pushes
+    that are not probed may still be impossible; `generate` checks more of them before it renders,
+    and records the others.
 
     Raises InputError if a probed push is impossible, and if no frame is rendered in time.
     """
@@ -166,7 +169,7 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
             contextlib.suppress(_OutOfTimeError),
             Pool(workers, _TimedRigGenerator, (file, variant, threads)) as pool,
         ):
-            probed.extend(_results(pool, jobs, start + LIMIT_S))
+            probed.extend(_results(pool, jobs, start, lambda: len(probed) >= workers))
         size = sum(path.stat().st_size for path in layout.root.rglob("*") if path.is_file())
     if not probed:
         return _of_one_rig(file, rigs, variant, workers, start)
@@ -234,10 +237,11 @@ class _Probe:
 
 
 class _ProbedFrame(NamedTuple):
-    """Time [s] of a frame, whether its worker compiled kernels before, and peak memory [bytes]."""
+    """A frame: time [s], in compiled kernels or not, size and peak memory [bytes]."""
 
     seconds: float
     is_warm: bool
+    size: int
     memory_bytes: int | None
 
 
@@ -254,21 +258,29 @@ class _ProbedWorker(DatasetWorker):
         self.shard(on_progress, number, [name], metering, {})
         seconds = time.perf_counter() - start
         is_warm, self._is_warm = self._is_warm or seconds > _COMPILATION_S, True
-        return _ProbedFrame(seconds, is_warm, peak_memory_bytes())
+        shards = [self.layout.shard(tree, number) for tree in self.layout.trees]
+        size = sum(path.stat().st_size for shard in shards for path in shard.iterdir())
+        return _ProbedFrame(seconds, is_warm, size, peak_memory_bytes())
 
 
 class _OutOfTimeError(Exception):
     """The time of a probe is over."""
 
 
-def _results(pool: Pool, jobs: Iterable[tuple[str, tuple[Any, ...]]], end: float) -> Iterator[Any]:
-    """Run jobs and yield the result of each when it has ended.
+def _results(
+    pool: Pool,
+    jobs: Iterable[tuple[str, tuple[Any, ...]]],
+    start: float,
+    is_sufficient: Callable[[], bool] = lambda: False,
+) -> Iterator[Any]:
+    """Run jobs of a probe, which began at `start`; yield the result of each when it has ended.
 
-    Raises _OutOfTimeError at the time `end`, which ends the workers, and what the pool raises.
+    Raises _OutOfTimeError when the probe is over, which ends the workers, and what the pool raises.
     """
 
     def check(_pieces: int) -> None:
-        if time.monotonic() > end:
+        elapsed = time.monotonic() - start
+        if elapsed > LIMIT_S or (elapsed > SUFFICIENT_S and is_sufficient()):
             raise _OutOfTimeError
 
     for ended in pool.outcomes(deque(Job(*job) for job in jobs), check):
@@ -290,7 +302,7 @@ def _probe(file: SceneFile, indices: Sequence[int], variant: str, workers: int) 
     names = {spec.index: FrameName(spec.frame_id, spec.index) for spec in specs}
     # Twice as many as workers at least, so that frames are rendered after the kernels are compiled.
     probes = [indices[n % len(indices)] for n in range(max(len(indices), 2 * workers))]
-    frames, image_s, end = list[_ProbedFrame](), 0.0, start + LIMIT_S
+    frames, image_s = list[_ProbedFrame](), 0.0
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
         layout, view = Layout(Path(folder)), "calibration/view_00.png"
         (layout.observations / view).parent.mkdir(parents=True)
@@ -300,24 +312,22 @@ def _probe(file: SceneFile, indices: Sequence[int], variant: str, workers: int) 
             contextlib.suppress(_OutOfTimeError),
             Pool(workers, _ProbedWorker, (file, layout, variant, threads)) as pool,
         ):
-            (record,) = _results(pool, [("meter", ({},))], end)
+            (record,) = _results(pool, [("meter", ({},))], start)
             metering: Metering = record.metering
             for _ in range(2):  # the first one compiles
                 began = time.monotonic()
-                list(_results(pool, [("image", (view, metering.exposure))], end))
+                list(_results(pool, [("image", (view, metering.exposure))], start))
                 image_s = time.monotonic() - began
-                if image_s > _COMPILATION_S:
+                if time.monotonic() - start > SUFFICIENT_S:
                     break
             metered_s = time.monotonic() - start
             jobs = [("probe", (n, names[index], metering)) for n, index in enumerate(probes)]
-            frames.extend(_results(pool, jobs, end))
+            frames.extend(_results(pool, jobs, start, lambda: any(one.is_warm for one in frames)))
         if not frames:
             raise InputError(
                 f"{file.path}: no frame is rendered in the {LIMIT_S:g} s of a probe, so that no "
                 "time can be forecast; smaller images or larger noise targets take less"
             )
-        files = [path for path in layout.root.glob("*/shard_*/*") if path.is_file()]
-        frame_bytes = sum(path.stat().st_size for path in files) / len(frames)
         image_bytes = (layout.observations / view).stat().st_size
     memory = [frame.memory_bytes for frame in frames if frame.memory_bytes is not None]
     warm = [frame.seconds for frame in frames if frame.is_warm]
@@ -326,7 +336,7 @@ def _probe(file: SceneFile, indices: Sequence[int], variant: str, workers: int) 
         start_s=metered_s + max(cold, default=0.0),
         frames_s=warm or cold,
         image_s=image_s,
-        frame_bytes=frame_bytes,
+        frame_bytes=sum(frame.size for frame in frames) / len(frames),
         image_bytes=image_bytes,
         memory_bytes=max(memory, default=None),
     )

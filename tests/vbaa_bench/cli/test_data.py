@@ -94,7 +94,14 @@ def test_a_probe_ends_when_its_time_is_over(
     assert "no frame is rendered in the 0 s of a probe" in str(done.exception)
 
 
-def test_what_is_measured_before_the_end_of_a_probe_counts() -> None:
+@pytest.mark.parametrize(
+    ("limit", "is_sufficient"), [("LIMIT_S", False), ("SUFFICIENT_S", True)], ids=str
+)
+def test_what_is_measured_before_the_end_of_a_probe_counts(
+    monkeypatch: pytest.MonkeyPatch, limit: str, is_sufficient: bool
+) -> None:
+    monkeypatch.setattr(forecasts, limit, 0.01)
+
     class Slow(Pool):
         def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:
             yield Ended(jobs[0], "measured")
@@ -107,7 +114,7 @@ def test_what_is_measured_before_the_end_of_a_probe_counts() -> None:
         pytest.raises(forecasts._OutOfTimeError),
         Slow(1, str, ()) as pool,
     ):
-        results.extend(forecasts._results(pool, jobs, time.monotonic() + 0.01))
+        results.extend(forecasts._results(pool, jobs, time.monotonic(), lambda: is_sufficient))
     assert results == ["measured"]
 
 
