@@ -197,9 +197,13 @@ def section_on_ground(
     of_mean = noise_variance[pixels]
     # A centre is the pixels' sum with these weights, by the noise of one image.
     weight = model.by_centre(section(p), *course(p)) * model.sigma / (of_ground + images * of_mean)
-    whole, fine = (
-        float(np.median((weight**2 * part).sum(axis=1) / (weight**2 * of_mean).sum(axis=1)))
-        for part in (of_ground, of_fine)
+    # A beam that lies within one pixel of a column has no centre there.
+    shown = (weight != 0).any(axis=1)
+    if not shown.any():
+        return BeamOnGround(section(p), ground.level * amplitude, off_path)
+    by_noise, by_ground, by_fine = (
+        (weight[shown] ** 2 * part[shown]).sum(axis=1) for part in (of_mean, of_ground, of_fine)
     )
+    whole, fine = float(np.median(by_ground / by_noise)), float(np.median(by_fine / by_noise))
     errors = GroundErrors(whole, fine * ground.fine_in_common)
     return BeamOnGround(section(p), ground.level * amplitude, off_path, errors)

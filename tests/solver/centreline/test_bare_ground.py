@@ -13,7 +13,17 @@ from solver.centreline.ground import learn_ground
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
-from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
+from tests.beam_images import (
+    HEIGHT,
+    METRES_PER_PIXEL,
+    WIDTH,
+    Look,
+    Sensor,
+    bent,
+    distances,
+    drawn,
+    guide,
+)
 from tests.draws import generator
 
 TILT = 0.012
@@ -149,6 +159,18 @@ def test_what_the_beam_hides_is_its_silhouette() -> None:
     assert look.ground_at_rest is not None
     error = look.ground_at_rest.gray - 255 * felt(0)
     assert np.sqrt(np.mean(error**2)) < 1.5 * np.sqrt(np.median(look.ground_at_rest.variance))
+
+
+def test_a_beam_within_one_pixel_has_no_centre_there() -> None:
+    """Half a pixel wide and not blurred, it has none in half of the columns."""
+    thin = Look(roundness=1.0, spread_px=0.0, radius_px=0.25)
+    narrow = replace(guide(), radius=thin.radius_px * METRES_PER_PIXEL)
+    for seed in range(3):
+        light = drawn(guide(), bent(0.0, tilt=0.004), thin, felt(seed))
+        before = replace(narrow, bare_ground=bare(seed))
+        errors = learn_profile_fit(images(light, 11), before).appearance.ground_errors
+        assert errors.whole > 0
+        assert errors.in_common >= 0
 
 
 def test_grain_along_the_beam_has_errors_in_common() -> None:
