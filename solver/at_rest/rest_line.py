@@ -147,13 +147,16 @@ def fit_rest_line(
     calibration: Calibration,
     rig: Rig,
     of_ground: GroundErrors = NO_GROUND_ERRORS,
+    *,
+    rows_alike: bool = False,
 ) -> RestLine:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
-    The covariance follows from the points' own scatter. Raises InputError where the images show
-    too little of the beam.
+    The covariance follows from the points' own scatter. With `rows_alike`, errors that follow the
+    pixel grid are alike in all rows. Raises InputError where the images show too little of the
+    beam.
     """
-    mean = mean_points(lines, calibration, of_ground)
+    mean = mean_points(lines, calibration, of_ground, rows_alike=rows_alike)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < THRESHOLDS.min_points:
         raise InputError(

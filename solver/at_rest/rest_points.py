@@ -30,6 +30,11 @@ GRID_COEFFICIENTS = 5 + 2 * HARMONICS
 _ROUNDS: Final = 4
 
 
+# Least sigma [px] of errors that are alike in all rows. Measured: in images as a sensor takes them,
+# a section that is not exactly that of the beam leaves waves of this size.
+GRID_ERROR_PX: Final = 0.002
+
+
 class RestPoints(NamedTuple):
     """Mean of the rest images: points (n, 2) on C [m] and their sigma (n,) along y [m].
 
@@ -38,7 +43,8 @@ class RestPoints(NamedTuple):
     `row` (n,) [px] is the points' position on the pixel grid, across the beam; `pixel` [m] is the
     size of a pixel. `grid` (n, k) is what is left of a known error that repeats with the pixel
     grid, in sigmas of the points by one sigma of each of k independent errors; None where no such
-    error has been subtracted.
+    error has been subtracted. With `rows_alike`, errors that
+    follow the pixel grid are alike in all rows.
     """
 
     points: Floats
@@ -48,6 +54,7 @@ class RestPoints(NamedTuple):
     pixel: float
     in_common: float = 0.0
     grid: Floats | None = None
+    rows_alike: bool = False
 
     @property
     def rows(self) -> float:
@@ -59,6 +66,8 @@ def mean_points(
     lines: Sequence[Centreline],
     calibration: Calibration,
     of_ground: GroundErrors = NO_GROUND_ERRORS,
+    *,
+    rows_alike: bool = False,
 ) -> RestPoints:
     """Average the images place by place.
 
@@ -105,6 +114,7 @@ def mean_points(
         pixel,
         random * of_ground.in_common,
         grid,
+        rows_alike,
     )
 
 
@@ -174,12 +184,12 @@ def fit_columns(points: RestPoints, design: Floats, y: Floats) -> LinearFit:
     compression and processing repeat from image to image and follow the pixel grid: for a beam that
     crosses R rows, the mean holds only R + 1 independent ones, and m coefficients explain m of
     them. Where the beam crosses many rows, errors with the period of a row are fitted as well.
-    Where these errors are known, what is left of them is added instead.
+    Where these errors are known, what is left of them is added instead; where they are alike in
+    all rows, what the fit cannot tell from waves.
     """
     m = design.shape[1]
     if points.rows + 1 > GRID_COEFFICIENTS:
-        phase = 2 * np.pi * np.outer(points.row, np.arange(1, HARMONICS + 1))
-        design = np.column_stack([design, np.sin(phase), np.cos(phase)])
+        design = np.column_stack([design, _waves(points)])
     # A harmonic has no mean over a row: it explains none of the rows' errors.
     n, spare_rows = len(y), points.rows + 1 - m
     whitened = design / points.sigma[:, None]
@@ -198,7 +208,9 @@ def fit_columns(points: RestPoints, design: Floats, y: Floats) -> LinearFit:
     )
     # Neighbours on one grain of the ground count as one point.
     of_ground = LAG * points.in_common
-    if points.grid is None:
+    if points.rows_alike:
+        covariance = _beside_waves(points, whitened[:, :m], residual, variance * correlation)
+    elif points.grid is None:
         shared = _shared_by_neighbours(residual, points)
         in_rows = _variance_of_rows(spare_rows, shared, variance, n, points)
         covariance = max(variance * correlation, n * in_rows, of_ground) * inverse
@@ -216,6 +228,33 @@ def fit_columns(points: RestPoints, design: Floats, y: Floats) -> LinearFit:
         max(max(inlier_variance, 1.0) * correlation, of_ground),
         repeated / spare_rows if spare_rows > 0 else math.inf,
     )
+
+
+def _waves(points: RestPoints) -> Floats:
+    """Compute the sines and cosines (n, 2 HARMONICS) of the points' places within their rows."""
+    phase = 2 * np.pi * np.outer(points.row, np.arange(1, HARMONICS + 1))
+    return np.column_stack([np.sin(phase), np.cos(phase)])
+
+
+def _beside_waves(points: RestPoints, design: Floats, residual: Floats, variance: float) -> Floats:
+    """Compute the covariance (m, m) of a fit by a whitened `design` (n, m), beside unknown waves.
+
+    Errors that are alike in all rows are waves. Points show waves that look unlike the design; of
+    the others the prior sigma is that of all that repeats in the `residual` (n,), GRID_ERROR_PX at
+    least. `variance` is that of independent points.
+    """
+    m = design.shape[1]
+    least = (GRID_ERROR_PX * points.pixel / float(np.median(points.sigma))) ** 2
+    repeating = _repeating(float(np.mean(residual**2)), len(residual), points)
+    expected = max(repeating, _shared_by_neighbours(residual, points).significant, least)
+    both = np.column_stack([design, _waves(points)])
+    # The columns differ by orders of magnitude.
+    size = np.sqrt((both**2).sum(axis=0))
+    prior = np.zeros(both.shape[1])
+    prior[m:] = variance / expected
+    information = (both / size).T @ (both / size) + np.diag(prior / size**2)
+    inverse = np.linalg.pinv(information, hermitian=True)[:m, :m] / np.outer(size[:m], size[:m])
+    return np.asarray(variance * inverse)
 
 
 def _variance_of_rows(

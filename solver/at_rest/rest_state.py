@@ -76,7 +76,13 @@ def learn_rest_state(
     """
     used = agreeing_images(images, guide, learn)
     noise = estimate_noise(used.images)
-    line = fit_rest_line(used.lines, calibration, rig, _ground_errors(used.extract))
+    line = fit_rest_line(
+        used.lines,
+        calibration,
+        rig,
+        _ground_errors(used.extract),
+        rows_alike=len(used.images) > 1 and _rows_alike(used.extract),
+    )
     _check_direction(line, used.extract, used.images[0], used.lines[0], rig)
     width = 4 * guide.radius_px + 2 * BESIDE_PX
     tip, tip_covariance = _mean_tip(used.lines)
@@ -113,6 +119,17 @@ def _ground_errors(extract: Extractor) -> GroundErrors:
     return (
         NO_GROUND_ERRORS if extract.detector is None else extract.detector.appearance.ground_errors
     )
+
+
+def _rows_alike(extract: Extractor) -> bool:
+    """Return whether errors of the beam at rest that repeat in all images are alike in all rows.
+
+    They are where images are as a sensor takes them, before a ground without structure.
+    """
+    if extract.detector is None:
+        return False
+    look = extract.detector.appearance
+    return not look.grid_period and look.ground_at_rest is None
 
 
 def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:

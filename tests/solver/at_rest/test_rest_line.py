@@ -31,6 +31,8 @@ SIGMA_PX = 0.01
 # Of the camera LEVEL on plane C [m].
 PIXEL = 1 / float(LEVEL.pixels_per_metre(np.array([[0.12, 0.0, 0.0]]))[0])
 X = np.linspace(0.004, 0.238, 420)
+# Root mean square of t^2 about a line, for t from 0 to 1.
+PARABOLA = 180**-0.5
 
 
 def lines(
@@ -119,6 +121,40 @@ def test_errors_that_repeat_from_image_to_image_count_in_the_covariance(
     # chi^2 of two degrees of freedom; for independent errors alone it is 15. It is 0.6: the shared
     # error is stated for the worst phase.
     assert 0.25 < np.mean(chi2) < 4.0
+
+
+@pytest.mark.parametrize("rows", [0.3, 1.0, 2.5, 6.0])
+def test_errors_that_are_alike_in_all_rows_are_waves(rows: float) -> None:
+    """As those of a section that is not exactly the beam's; a sensor's pattern repeats, too."""
+    errors, narrower = [], []
+    slope = rows / 455  # the image has 455 columns
+    place = np.linspace(0, BEAM.length, 50)
+    powers = np.column_stack([np.ones(50), place, *(place / BEAM.length) ** [[2], [3], [4]]])
+    for draw in range(60):
+        random = generator(__name__, draw)
+        waves = 0.3 * SIGMA_PX * random.standard_normal(4)
+        # Too small to be found.
+        bow = 0.1 * SIGMA_PX * PIXEL / PARABOLA * random.standard_normal()
+        images = lines(slope * X + bow * (X / BEAM.length) ** 2, random, camera=LEVEL)
+        pattern = 0.5 * SIGMA_PX * random.standard_normal(len(images[0].points))
+        wrong = []
+        for line in images:
+            points = line.points.copy()
+            phase = 2 * np.pi * np.outer(points[:, 1], [1, 2])
+            points[:, 1] += np.column_stack([np.sin(phase), np.cos(phase)]) @ waves + pattern
+            wrong.append(down_columns(points, line.sigma))
+        alike, other = (
+            fit_rest_line(wrong, Calibration(LEVEL, 0.02), rig(), rows_alike=rows_alike)
+            for rows_alike in (True, False)
+        )
+        off = powers @ [alike.y_at_clamp, alike.slope - slope, *alike.bow]
+        off -= bow * (place / BEAM.length) ** 2
+        variance = np.einsum("ni,ij,nj->n", powers, alike.covariance, powers)
+        errors.append(np.mean(off**2) / np.mean(variance))
+        narrower.append(alike.bow_size / other.bow_size)
+    # 0.5 to 1.0, and a tenth to a half.
+    assert 0.3 < np.sqrt(np.mean(errors)) < 1.4
+    assert np.median(narrower) < 0.7
 
 
 @pytest.mark.parametrize("length", [1, 12])
