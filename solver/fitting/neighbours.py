@@ -110,7 +110,7 @@ def neighbours_of(problem: FrameProblem, p: Floats, kept: Floats) -> Neighbours 
 def _most_likely(
     courses: _Courses, residual: Floats, hats: Floats, by_free: Floats, normal: Floats
 ) -> Neighbours:
-    """Find the course of the largest restricted likelihood.
+    """Find the course of the largest restricted likelihood; without gain if it grows without end.
 
     `residual` (n,) are those of least squares, with the Jacobian `by_free` (f, n) and the matrix
     `normal` (f, f) of their equations; `hats` (n, nodes) interpolate the course.
@@ -128,8 +128,11 @@ def _most_likely(
     widened = 1 + square * np.maximum(values, 0.0)[:, None]  # (lengths, sigmas, nodes)
     gains = (square * size**2 / widened - np.log(widened)).sum(axis=2)
     length, sigma = np.unravel_index(int(np.argmax(gains)), gains.shape)
-    found_sigma, gain = float(courses.sigmas[sigma]), float(gains[length, sigma])
-    return Neighbours(courses.lengths[length], found_sigma, gain)
+    # The beam's own prior may be violated by more than such errors are: then there is no largest
+    # likelihood, and a course of any size would take all that the frame shows.
+    within = sigma < len(courses.sigmas) - 1
+    gain = float(gains[length, sigma]) if within else 0.0
+    return Neighbours(courses.lengths[length], float(courses.sigmas[sigma]), gain)
 
 
 def with_neighbours(problem: P, neighbours: Neighbours) -> P:

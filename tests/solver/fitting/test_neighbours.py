@@ -57,6 +57,13 @@ def test_independent_errors_are_left_alone(random: np.random.Generator) -> None:
         assert neighbours_of(rod, p, everything(rod)) is None
 
 
+def test_what_grows_without_end_is_no_error_of_neighbours(random: np.random.Generator) -> None:
+    """As another beam than the stated one: a course of any size would take all of the frame."""
+    for _ in range(10):
+        rod, p = fitted(disturbed(bent(0.05, 0.6, 1.2), 6, 60 * SIGMA, random))
+        assert neighbours_of(rod, p, everything(rod)) is None
+
+
 def log_density(values: Floats, covariance: Floats) -> float:
     """Compute the logarithm of the normal density of values (n,) of mean zero, but for (2 pi)^n."""
     root = np.linalg.cholesky(covariance)
