@@ -60,7 +60,6 @@ FIGURES: Final = {
             MEDIAN,
             pl.col("x_c_error_pct_L").abs().fill_null(FAILURE_ERROR_PCT_L),
             where=_DUE,
-            defined=pl.col("x_c_error_pct_L").is_not_null().any(),
         ),
     ),
     "rmse_over_limit": Figure("RMSE over limit", error_statistics(X_C)["rmse_over_limit"]),

@@ -248,16 +248,23 @@ def _kind(method: str, submission: Submission | None) -> str:
 
 
 def _figure(name: str, method: str, scored: Sequence[_Scored]) -> tuple[Value, Floats]:
-    """Compute a figure of a track from its datasets, of those that have it, and its draws."""
+    """Compute a figure of a track from its datasets, of those that have it, and its draws.
+
+    A dataset of whose contacts all are rightly refused has no error. A method that never estimates
+    x_c has none.
+    """
     figure = FIGURES[name]
     points, resampled = [], []
+    estimates = (one.of(method)[0]["x_c_error_pct_L"].is_not_null().any() for one in scored)
+    if name == ERROR and not any(estimates):
+        return Value(None, None), np.full(1, np.nan)
     for one in scored:
         rows, groups = one.of(method)
         point = figure.statistic.of(rows)
         if point is not None:
             points.append(point)
             resampled.append(statistic_draws(figure.statistic, rows, groups, one.counts))
-    if not points or (name == ERROR and len(points) < len(scored)):
+    if not points:
         return Value(None, None), np.full(1, np.nan)
     of_track = figure.of_track(np.array(resampled))
     return Value(float(figure.of_track(np.array(points))), interval(of_track)), of_track
