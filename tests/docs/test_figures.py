@@ -156,8 +156,7 @@ def of_experiment(row: list[str]) -> Iterator[Figure]:
         yield from figures(row[2], rms(clear["x_c_error_pct_L"]))
         yield from figures(row[3], detected.height, clear.height, CLEAR_SNR)
     elif row[0].startswith(("Fig. 9", "Fig. 6")):
-        scene = "fig9_knife_edge" if row[0].startswith("Fig. 9") else "fig6_unknown_psi"
-        values = scores(scene, method)
+        values = scores("fig9" if row[0].startswith("Fig. 9") else "fig6", method)
         yield from figures(row[2], values["x_c_rmse_pct_L"])
         yield from figures(row[3], values["psi_rmse_deg"], values["force_rmse_pct"])
     elif row[0].startswith("Section III-A"):
@@ -165,7 +164,7 @@ def of_experiment(row: list[str]) -> Iterator[Figure]:
         yield from figures(row[2], values["x_c_rmse_pct_L"])
         yield from figures(row[3], 1e3 * values["motor_angle_rmse_deg"])
     elif row[0].startswith("Fig. 14"):
-        values = scores("fig14_micro", method)
+        values = scores("fig14", method)
         yield from figures(row[2], values["x_c_rmse_pct_L"])
         yield from figures(row[3], values["force_rmse_pct"])
 
