@@ -1,5 +1,5 @@
 # All methods on the suite's fixed scenes, with their ranks, and on the paper's other scenes, beside the limits.
-# With the same --work, a second call goes on where the time limit has ended the first one.
+# It takes about two hours on two cores: with the same --work, a second call goes on where the time limit has ended the first one.
 suite=$RUNS/suite_1.0 others=$RUNS/others
 for scene in fig2_sliding_edge fig5_line_contact camera_fixed camera_moving linear_beam va_flat_strip \
     vi_a_resolution/{beam_0.4mm,beam_1.6mm,image_256px,image_1024px,wide_view,tip_out_of_view}; do

@@ -28,8 +28,6 @@ GRID_COEFFICIENTS = 5 + 2 * HARMONICS
 # Rounds in which a beam's place and the error there are improved. Chosen: for waves of a tenth of a
 # pixel and a period of two, each leaves a third of the difference.
 _ROUNDS: Final = 4
-
-
 # Least sigma [px] of errors that are alike in all rows. Measured: in images as a sensor takes them,
 # a section that is not exactly that of the beam leaves waves of this size.
 GRID_ERROR_PX: Final = 0.002
@@ -43,8 +41,8 @@ class RestPoints(NamedTuple):
     `row` (n,) [px] is the points' position on the pixel grid, across the beam; `pixel` [m] is the
     size of a pixel. `grid` (n, k) is what is left of a known error that repeats with the pixel
     grid, in sigmas of the points by one sigma of each of k independent errors; None where no such
-    error has been subtracted. With `rows_alike`, errors that
-    follow the pixel grid are alike in all rows.
+    error has been subtracted. With `rows_alike`, errors that follow the pixel grid are alike in all
+    rows.
     """
 
     points: Floats
@@ -239,9 +237,9 @@ def _waves(points: RestPoints) -> Floats:
 def _beside_waves(points: RestPoints, design: Floats, residual: Floats, variance: float) -> Floats:
     """Compute the covariance (m, m) of a fit by a whitened `design` (n, m), beside unknown waves.
 
-    Errors that are alike in all rows are waves. Points show waves that look unlike the design; of
-    the others the prior sigma is that of all that repeats in the `residual` (n,), GRID_ERROR_PX at
-    least. `variance` is that of independent points.
+    Errors that are alike in all rows are waves, in sigmas of the points, which show those that look
+    unlike the design. Of the others the prior sigma is that of all that repeats in the `residual`
+    (n,), GRID_ERROR_PX at least. `variance` is that of independent points.
     """
     m = design.shape[1]
     least = (GRID_ERROR_PX * points.pixel / float(np.median(points.sigma))) ** 2
