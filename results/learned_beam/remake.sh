@@ -16,12 +16,11 @@ vbaa-bench generate scenes/hard/elliptic.yaml --out "$RUNS/elliptic_weight" $W \
     --set "pushes={contact_distance_mm: [140, 190], pushing_angle_deg: [0], repeats: 2}"
 vbaa-bench generate scenes/random/hard.yaml --seed 20411 --rigs 0:40 --out "$RUNS/random_hard"
 # As a rig.json without beam_shape.
-UNKNOWN="--set tolerances.tip_ratio_pct=2 --set tolerances.aspect_ratio_pct=2 --set tolerances.friction=0.2
-    --set tolerances.clamp_softness=0.002"
+U="--set tolerances.tip_ratio_pct=2 --set tolerances.aspect_ratio_pct=2 --set tolerances.friction=0.2"
 for seed in 2715 2716; do
     # shellcheck disable=SC2086
-    vbaa-bench generate scenes/quickstart.yaml --out "$RUNS/unknown_$seed" --seed "$seed" \
-        --set "$P" --set pushes.repeats=4 $UNKNOWN
+    vbaa-bench generate scenes/quickstart.yaml --out "$RUNS/unknown_$seed" --seed "$seed" --set "$P" --set pushes.repeats=4 \
+        $U --set tolerances.clamp_softness=0.002
 done
 for dataset in unknown_2715 unknown_2716 taper stretch friction elliptic real_wire_2705 real_wire_2706 real_wire_2707 real_wire_2708; do
     vbaa-bench limits "$RUNS/$dataset"
