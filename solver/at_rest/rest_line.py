@@ -156,7 +156,7 @@ def fit_rest_line(
     pixel grid are alike in all rows. Raises InputError where the images show too little of the
     beam.
     """
-    mean = mean_points(lines, calibration, of_ground, rows_alike=rows_alike)
+    mean = mean_points(lines, calibration, of_ground)._replace(rows_alike=rows_alike)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < THRESHOLDS.min_points:
         raise InputError(

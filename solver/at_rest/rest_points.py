@@ -64,8 +64,6 @@ def mean_points(
     lines: Sequence[Centreline],
     calibration: Calibration,
     of_ground: GroundErrors = NO_GROUND_ERRORS,
-    *,
-    rows_alike: bool = False,
 ) -> RestPoints:
     """Average the images place by place.
 
@@ -112,7 +110,6 @@ def mean_points(
         pixel,
         random * of_ground.in_common,
         grid,
-        rows_alike,
     )
 
 

@@ -81,7 +81,7 @@ def learn_rest_state(
         calibration,
         rig,
         _ground_errors(used.extract),
-        rows_alike=len(used.images) > 1 and _rows_alike(used.extract),
+        rows_alike=_rows_alike(used.extract, len(used.images)),
     )
     _check_direction(line, used.extract, used.images[0], used.lines[0], rig)
     width = 4 * guide.radius_px + 2 * BESIDE_PX
@@ -121,12 +121,13 @@ def _ground_errors(extract: Extractor) -> GroundErrors:
     )
 
 
-def _rows_alike(extract: Extractor) -> bool:
+def _rows_alike(extract: Extractor, images: int) -> bool:
     """Return whether errors of the beam at rest that repeat in all images are alike in all rows.
 
-    They are where images are as a sensor takes them, before a ground without structure.
+    They are where images are as a sensor takes them, before a ground without structure. A single
+    image does not show whether it was processed.
     """
-    if extract.detector is None:
+    if extract.detector is None or images < 2:
         return False
     look = extract.detector.appearance
     return not look.grid_period and look.ground_at_rest is None

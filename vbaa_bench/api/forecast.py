@@ -93,11 +93,11 @@ def forecast(
     """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
 
     These frames are rendered, and their time and size are measured, with the same number of workers
-    as for the dataset. After SUFFICIENT_S, one frame in compiled kernels, or one rig per worker, is
-    sufficient; after LIMIT_S, what has been measured. Of a collection, a few whole rigs are made,
-    spread over its numbers, or a few frames of the first one if no rig is made in LIMIT_S. Pushes
-    that are not probed may still be impossible; `generate` checks more of them before it renders,
-    and records the others.
+    as for the dataset. After SUFFICIENT_S, one frame in compiled kernels is sufficient, or as many
+    rigs as workers; after LIMIT_S, what has been measured. Of a collection, a few whole rigs are
+    made, spread over its numbers, or a few frames of the first one if no rig is made in LIMIT_S.
+    Pushes that are not probed may still be impossible; `generate` checks more of them before it
+    renders, and records the others.
 
     Raises InputError if a probed push is impossible, and if no frame is rendered in time.
     """
