@@ -10,7 +10,6 @@ from solver.centreline.smooth import (
     DEGREE,
     FINE_DEGREE,
     curve,
-    local_median,
     local_scatter,
     running_median,
 )
@@ -21,9 +20,12 @@ from solver.instrument.compiled import njit
 from solver.instrument.medians import median, quantile
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
-# Widths, in columns, of the local medians of misfit and brightness, and the degree of the
-# brightness's smooth course. Numpy scalars are compiled once, literals anew.
-_MISFIT_WIDTH, _BRIGHTNESS_WIDTH, _BRIGHTNESS_DEGREE = np.int64(61), np.int64(21), np.int64(2)
+# Columns about one that say which misfit is usual there. Chosen: twice what an object covers, and
+# more than a beam needs to cross a pixel row.
+_MISFIT_WIDTH: Final = 121
+# Width, in columns, of the local median of the brightness, and the degree of its smooth course.
+# Numpy scalars are compiled once, literals anew.
+_BRIGHTNESS_WIDTH, _BRIGHTNESS_DEGREE = np.int64(21), np.int64(2)
 # Robust standard deviations beyond which a brightness does not count in this course. Chosen: low,
 # because a shaded stretch is wide.
 _BRIGHTNESS_CUT: Final = 2.5
@@ -65,15 +67,17 @@ def flag_columns(
         sigma[i] = np.sqrt(noise[i] ** 2 + sigma_at_rest**2)
     # A textured background raises the misfit of every column, and a profile that was seen in part
     # that of the columns at other places between the pixels.
-    plausible = misfit[
-        (brightness > THRESHOLDS.min_brightness) & (brightness < THRESHOLDS.max_brightness)
-    ]
+    is_plausible = (brightness >= THRESHOLDS.min_brightness) & (
+        brightness <= THRESHOLDS.max_brightness
+    )
+    plausible = misfit[is_plausible]
     typical_misfit = 1.0
     if len(plausible) > 0:
         share = THRESHOLDS.in_part_share
         typical = quantile(plausible, share) if in_part else median(plausible)
         typical_misfit = max(typical, 1.0)
     flags = np.zeros(n, np.uint8)
+    before = 0
     for i in range(n):
         # On a textured background the amplitude must exceed a larger threshold.
         enlarged_sigma = fits.amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
@@ -83,17 +87,24 @@ def flag_columns(
         )
         if faint or not fits.sigma[i] < THRESHOLDS.max_sigma_px:
             flags[i] = HIDDEN
-        elif brightness[i] > THRESHOLDS.max_brightness:
+        elif brightness[i] > THRESHOLDS.max_brightness or (
+            # A beam that comes nearer to the camera looks wider than at rest in all its columns: a
+            # foreign object differs from those about it.
+            misfit[i] > THRESHOLDS.max_misfit * typical_misfit
+            and misfit[i] > THRESHOLDS.max_misfit * min(_usual_misfit(plausible, before), 30.0)
+        ):
             flags[i] = FOREIGN
-        elif misfit[i] > THRESHOLDS.max_misfit * typical_misfit:
-            # A beam that comes nearer to the camera looks wider than at rest in all columns: a
-            # foreign object differs from the columns about it.
-            local_misfit = min(local_median(misfit, i, _MISFIT_WIDTH), 30.0)
-            if misfit[i] > THRESHOLDS.max_misfit * local_misfit:
-                flags[i] = FOREIGN
         if flags[i] > 0 and fits.saturated[i] > 0:
             flags[i] = SATURATED
+        before += is_plausible[i]
     return brightness, noise, sigma, flags
+
+
+@njit
+def _usual_misfit(misfit: Floats, i: int) -> float:
+    """Compute the median misfit of the _MISFIT_WIDTH columns that are nearest to the i-th."""
+    first = max(min(i - _MISFIT_WIDTH // 2, len(misfit) - _MISFIT_WIDTH), 0)
+    return median(misfit[first : first + _MISFIT_WIDTH])
 
 
 @njit

@@ -141,17 +141,11 @@ def local_scatter(residual: Floats) -> float:
 
 
 @njit
-def local_median(values: Floats, i: int, width: Any) -> float:
-    """Compute the median of `width` (odd) values about the i-th; end values are repeated."""
-    window = np.empty(width)
-    for k in range(width):
-        window[k] = values[min(max(i + k - width // 2, 0), len(values) - 1)]
-    return float(median(window))
-
-
-@njit
 def running_median(values: Floats, width: Any) -> Floats:
-    """Compute `local_median` (n,) about each value, from a sorted window that moves along."""
+    """Compute the median (n,) of `width` (odd) values about each one; end values are repeated.
+
+    The window is sorted, and moves along.
+    """
     n, half = len(values), width // 2
     medians = np.empty(n)
     window = np.empty(2 * half + 1)

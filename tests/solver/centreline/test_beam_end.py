@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from solver.centreline.beam_end import MEAN_BULGE, BeamEnd, Light, StraightBeam, fit_end
 from solver.centreline.extractor import BeamExtractor, learn_profile_fit
+from solver.centreline.noise import Noise
+from solver.centreline.profile import STEP
 from solver.instrument.arrays import Floats
 from tests.beam_images import METRES_PER_PIXEL, bent, drawn, guide, longer
 from tests.draws import generator
@@ -63,3 +66,23 @@ def test_the_end_of_a_beam_that_is_longer_than_stated_is_no_structure_of_the_gro
         off = line.tip[0] - guide().pixels(shape)[-1, 0]
         assert abs(off) < 0.3
         assert abs(off) < 4 * np.sqrt(line.tip_covariance[0, 0])
+
+
+def test_the_end_in_a_sharp_image_does_not_depend_on_its_place_in_the_pixel() -> None:
+    radius, bulge, fine = 0.8, 0.25, 64
+    across = np.arange(-200, 201) * STEP
+    shape = np.sqrt(np.maximum(1 - (across / radius) ** 2, 0.0))
+    end = BeamEnd(shape / (shape.sum() * STEP), 0.0, radius, bulge)
+    # Places in the pixels of ten rows and twenty columns, and the axis 0.1 px beside a pixel's.
+    v, u = (np.arange(n * fine) / fine + 0.5 / fine - 0.5 for n in (10, 20))
+    beside = v[:, None] - 5.1
+    outline = np.sqrt(np.maximum(1 - (beside / radius) ** 2, 0.0))
+    light = np.interp(beside, across, end.brightness, left=0.0, right=0.0)
+    line = StraightBeam(0.0, 5.1, 1.0, True)
+    for place in 9.5 + np.linspace(-0.2, 0.2, 17):
+        covered = np.clip((place + bulge * (outline - MEAN_BULGE) - u) * fine + 0.5, 0.0, 1.0)
+        image = 10 + 200 * (light * covered).reshape(10, fine, 20, fine).mean(axis=(1, 3))
+        fit = fit_end(
+            image, line, end, float(place) - 0.15, Light(200.0, 0.5, 10.0), Noise(1.0, 0.0), 4095
+        )
+        assert abs(fit.along - place) < 0.003

@@ -4,18 +4,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import median_filter
 
-from solver.centreline.smooth import curve, local_median, local_scatter, running_median
+from solver.centreline.smooth import curve, local_scatter, running_median
 
 
 @given(
     values=st.lists(st.floats(-30, 30), min_size=1, max_size=80),
     half=st.integers(0, 30),
 )
-def test_local_and_running_medians_are_scipys(values: list[float], half: int) -> None:
+def test_the_running_median_is_scipys(values: list[float], half: int) -> None:
     array, width = np.array(values), 2 * half + 1
     expected = median_filter(array, width, mode="nearest")
     assert (running_median(array, width) == expected).all()
-    assert [local_median(array, i, width) for i in range(len(array))] == expected.tolist()
 
 
 def test_there_is_no_running_median_of_nothing() -> None:
