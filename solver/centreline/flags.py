@@ -21,8 +21,8 @@ from solver.instrument.medians import median, quantile
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
 # Columns about one that say which misfit is usual there. Chosen: twice what an object covers, and
-# more than a beam needs to cross a pixel row.
-_MISFIT_WIDTH: Final = 121
+# few enough for a ground whose structure changes along the beam.
+_MISFIT_WIDTH: Final = 61
 # Width, in columns, of the local median of the brightness, and the degree of its smooth course.
 # Numpy scalars are compiled once, literals anew.
 _BRIGHTNESS_WIDTH, _BRIGHTNESS_DEGREE = np.int64(21), np.int64(2)
