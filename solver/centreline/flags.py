@@ -20,8 +20,8 @@ from solver.instrument.compiled import njit
 from solver.instrument.medians import median, quantile
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
-# Columns about one that say which misfit is usual there. Chosen: twice what an object covers, and
-# few enough for a ground whose structure changes along the beam.
+# Number of columns about one that say which misfit is usual there. Chosen: twice what an object
+# covers, and few enough for a ground whose structure changes along the beam.
 _MISFIT_WIDTH: Final = 61
 # Width, in columns, of the local median of the brightness, and the degree of its smooth course.
 # Numpy scalars are compiled once, literals anew.
@@ -71,13 +71,16 @@ def flag_columns(
         brightness <= THRESHOLDS.max_brightness
     )
     plausible = misfit[is_plausible]
+    # The columns beyond the beam's last one show no beam.
+    end = n
+    while end > 0 and not is_plausible[end - 1]:
+        end -= 1
     typical_misfit = 1.0
     if len(plausible) > 0:
         share = THRESHOLDS.in_part_share
         typical = quantile(plausible, share) if in_part else median(plausible)
         typical_misfit = max(typical, 1.0)
     flags = np.zeros(n, np.uint8)
-    before = 0
     for i in range(n):
         # On a textured background the amplitude must exceed a larger threshold.
         enlarged_sigma = fits.amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
@@ -91,20 +94,25 @@ def flag_columns(
             # A beam that comes nearer to the camera looks wider than at rest in all its columns: a
             # foreign object differs from those about it.
             misfit[i] > THRESHOLDS.max_misfit * typical_misfit
-            and misfit[i] > THRESHOLDS.max_misfit * min(_usual_misfit(plausible, before), 30.0)
+            and misfit[i] > THRESHOLDS.max_misfit * min(_usual_misfit(misfit[:end], i), 30.0)
         ):
             flags[i] = FOREIGN
         if flags[i] > 0 and fits.saturated[i] > 0:
             flags[i] = SATURATED
-        before += is_plausible[i]
     return brightness, noise, sigma, flags
 
 
 @njit
 def _usual_misfit(misfit: Floats, i: int) -> float:
-    """Compute the median misfit of the _MISFIT_WIDTH columns that are nearest to the i-th."""
-    first = max(min(i - _MISFIT_WIDTH // 2, len(misfit) - _MISFIT_WIDTH), 0)
-    return median(misfit[first : first + _MISFIT_WIDTH])
+    """Compute the median of _MISFIT_WIDTH misfits (n,) about the i-th, up to the last one.
+
+    The first one is repeated.
+    """
+    window = np.empty(_MISFIT_WIDTH)
+    last = min(i + _MISFIT_WIDTH // 2, len(misfit) - 1)
+    for k in range(_MISFIT_WIDTH):
+        window[k] = misfit[max(last - k, 0)]
+    return median(window)
 
 
 @njit
