@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from solver.centreline.blurred_edge import blurred_edge
 from solver.centreline.noise import Noise, pixel_variance
 from solver.centreline.profile import STEP
 from solver.instrument.arrays import Floats, Grey
@@ -216,18 +217,10 @@ def _pixel(
             light = (end.brightness[k] + (place - k) * rise) / p[WIDTH]
             x = across / end.radius
             outline = math.sqrt(max(1 - x * x, 0.0)) - MEAN_BULGE
-            # The distance before the end, along the beam: from the near to the far side of a cell.
+            # The distance before the end, along the beam.
             before = line.forward * ((p[END] - u) * stretch - line.climb * beside / stretch)
-            before += p[BULGE] * outline
-            near, far = (before + cell / 2) / blur, (before - cell / 2) / blur
-            if near < -6:
-                continue
-            covered, density = 1.0, 0.0
-            if far < 6:
-                near_area, near_share = _blurred_step(near)
-                far_area, far_share = _blurred_step(far)
-                covered = (near_area - far_area) * blur / cell
-                density = (near_share - far_share) / cell
+            covered, slope = blurred_edge((before + p[BULGE] * outline) / cell, blur / cell)
+            density = slope / cell
             value += light * covered
             by_end += light * density * line.forward * stretch
             by_bulge += light * density * outline
@@ -236,10 +229,3 @@ def _pixel(
     slopes[BULGE] = p[AMPLITUDE] * by_bulge / size
     slopes[WIDTH] = p[AMPLITUDE] * by_width / size
     return value / size
-
-
-@njit
-def _blurred_step(z: float) -> tuple[float, float]:
-    """Compute the light of a blurred step up to `z` sigmas before its edge, and its share there."""
-    share = 0.5 * math.erfc(-z / math.sqrt(2.0))
-    return z * share + math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi), share

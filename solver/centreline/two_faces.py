@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
+from solver.centreline.blurred_edge import blurred_edge
 from solver.centreline.effective_profile import EDGE
 from solver.centreline.noise import Noise, pixel_variance
 from solver.centreline.profile import STEP, Profile
@@ -314,32 +315,12 @@ def _derivatives(
     ridge, by_width = stretch * _ridge_at(p[1], faces), faces.ridge_by_width
     for k in range(columns.shape[1]):
         t = first + k - p[0]
-        low, at_low = _step(t + sense * edge, blur)
-        inner, at_inner = _step(t - sense * ridge, blur)
-        high, at_high = _step(t - sense * edge, blur)
+        low, at_low = blurred_edge(t + sense * edge, blur)
+        inner, at_inner = blurred_edge(t - sense * ridge, blur)
+        high, at_high = blurred_edge(t - sense * edge, blur)
         columns[0, k] = -sense * (p[2] * (at_low - at_inner) + p[3] * (at_inner - at_high))
         columns[1, k] = stretch * (
             p[2] * (at_low / 2 + by_width * at_inner) - p[3] * (by_width * at_inner - at_high / 2)
         )
         columns[2, k], columns[3, k] = sense * (low - inner), sense * (inner - high)
         columns[4, k], columns[5, k] = 1.0, k - middle
-
-
-@njit
-def _step(t: float, blur: float) -> tuple[float, float]:
-    """Compute the part of a pixel at t [px] beyond a blurred edge, and its derivative by t."""
-    if t > 0.5 + 5 * blur:
-        return 1.0, 0.0
-    if t < -0.5 - 5 * blur:
-        return 0.0, 0.0
-    above, below = (t + 0.5) / blur, (t - 0.5) / blur
-    past_above, past_below = _normal(above), _normal(below)
-    density = math.exp(-0.5 * above * above) - math.exp(-0.5 * below * below)
-    part = blur * (above * past_above - below * past_below + density / math.sqrt(2 * math.pi))
-    return part, past_above - past_below
-
-
-@njit(inline="always")
-def _normal(z: float) -> float:
-    """Evaluate the normal distribution's cumulative function."""
-    return 0.5 * math.erfc(-z / math.sqrt(2.0))
