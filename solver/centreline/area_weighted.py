@@ -9,7 +9,7 @@ flanks' contribution, and is included in each sigma.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -20,6 +20,9 @@ from solver.centreline.guide import Guide
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
+
+# Smallest sigma [px] of a point: drawn images may have neither noise nor flanks. Chosen.
+MIN_SIGMA_PX: Final = 1e-3
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ def area_weighted(image: Grey) -> Centreline:
     gradient = np.where(inside, rows - centre, 0.0) / area
     variance = (gradient**2 * relative_variance).sum(axis=0) * band.noise**2
     points = np.column_stack([band.columns, band.top + centre])
-    return down_columns(points, np.sqrt(variance + s_curve**2))
+    return down_columns(points, np.maximum(np.sqrt(variance + s_curve**2), MIN_SIGMA_PX))
 
 
 class _Band(NamedTuple):

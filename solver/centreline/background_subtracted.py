@@ -39,30 +39,37 @@ class CentroidExtractor:
     def __call__(self, image: Grey) -> Centreline:
         """Extract the centreline of an image (height, width); empty where there is no beam.
 
-        Columns with a pixel at full scale are rejected: its true brightness is unknown.
+        Columns with a pixel at full scale are rejected: its true brightness is unknown. Columns
+        whose window the image cuts off are left out.
         """
-        centreline, appearance = self.beam(image), self.beam.appearance
-        upright = centreline.directions[:, 1] != 0
-        u, v = np.rint(centreline.points).astype(np.int64).T
+        line, appearance = self.beam(image), self.beam.appearance
+        half = appearance.half
+        upright = line.directions[:, 1] != 0
+        u, v = np.rint(line.points).astype(np.int64).T
         along, middle = np.where(upright, (u, v), (v, u))
-        pixels = column_pixels(along, middle, upright, appearance.half)
+        limit = np.asarray(np.where(upright, image.shape[0], image.shape[1]))
+        whole = (middle >= half) & (middle < limit - half)
+        upright, middle = upright[whole], middle[whole]
+        pixels = column_pixels(along[whole], middle, upright, half)
         window = np.asarray(image[pixels], dtype=np.float64)
-        saturated = window >= appearance.full_scale
-        centre, variance = _centroids(window, appearance.half, appearance.noise.variance(window))
+        centre, variance = _centroids(window, half, appearance.noise.variance(window))
         centre += middle
-        good = ~saturated.any(axis=1) & np.isfinite(centre) & np.isfinite(variance)
-        points = np.array(centreline.points)
+        reasons = np.zeros(len(middle), np.uint8)
+        reasons[~(np.isfinite(centre) & np.isfinite(variance))] = Flag.FOREIGN
+        reasons[(window >= appearance.full_scale).any(axis=1)] = Flag.SATURATED
+        good = reasons == 0
+        expected = line.points[whole]
+        points = np.array(expected)
         points[upright, 1], points[~upright, 0] = centre[upright], centre[~upright]
         return replace(
-            centreline,
+            line,
             points=points[good],
-            directions=centreline.directions[good],
+            directions=line.directions[whole][good],
             sigma=np.sqrt(variance[good]),
-            lost_light=centreline.lost_light[good],
-            rejected=np.vstack([centreline.rejected, centreline.points[~good]]),
-            flags=np.append(
-                centreline.flags, np.full(np.count_nonzero(~good), Flag.SATURATED, np.uint8)
-            ),
+            lost_light=line.lost_light[whole][good],
+            rejected=np.vstack([line.rejected, expected[~good]]),
+            flags=np.append(line.flags, reasons[~good]),
+            grid_error=None,  # it is that of the profile fit
         )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.noise import Noise, mean_image
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.medians import SIGMA_OVER_MAD
 
@@ -25,9 +26,6 @@ _EDGE: Final = 2 * _LOBES
 MAX_SHIFT_PX, _STEP_PX = 2.0, 0.5
 # Rounds of the shift, and of the weights in each. Chosen: four steps reach the largest shift.
 _ROUNDS, _WEIGHINGS = 8, 3
-# Tukey's biweight is 0 beyond this many times the pixels' own scatter. Chosen: at 6 it has 98 % of
-# the efficiency of least squares.
-_CUT: Final = 6.0
 # Number of pixels on which an image is compared with the ground: the noise of a median is then 2 %.
 LATTICE: Final = 4000
 # Fewest such pixels of a ground with structure. Chosen: fewer may be an edge of the clamp.
@@ -192,7 +190,9 @@ def _small_shift(values: Floats, sigma: Floats, gray: Pattern, lattice: Lattice)
     for _ in range(_WEIGHINGS):
         residual = whitened - design @ solution
         scatter = SIGMA_OVER_MAD * float(np.median(np.abs(residual)))
-        weight = np.clip(1 - (residual / (_CUT * max(scatter, 1.0))) ** 2, 0.0, 1.0) ** 2
+        weight = (
+            np.clip(1 - (residual / (THRESHOLDS.tukey_cut * max(scatter, 1.0))) ** 2, 0.0, 1.0) ** 2
+        )
         inverse = np.linalg.pinv(design.T @ (weight[:, None] * design), hermitian=True)
         solution = inverse @ (design.T @ (weight * whitened))
     deviation = np.sqrt(np.diag(inverse)[1:]) * max(scatter, 1.0)

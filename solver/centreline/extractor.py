@@ -154,7 +154,7 @@ class BeamExtractor:
         columns, tip = course.columns, course.tip
         if not len(course.smooth):
             return down_columns(np.empty((0, 2)), np.empty(0))
-        common_sigma, brightness, background = _summary(columns)
+        common_sigma, brightness, background = _summary(columns, places.upright)
         points, directions, sigma, rejected, reasons = _select(
             places, columns, course.smooth, course.on_beam, *image.shape
         )
@@ -262,19 +262,23 @@ def _lost_light(columns: Columns, misfit_at_rest: float) -> Floats:
 
 
 @njit
-def _summary(columns: Columns) -> tuple[float, float, float]:
+def _summary(columns: Columns, upright: Mask) -> tuple[float, float, float]:
     """Compute the sigma [px] of the points' mean error, and the median brightness and background.
 
     The error is the part that the sensor's noise does not explain. Such errors, mainly those of
-    compression, follow the pixel grid: for a beam that crosses R pixel rows, only R + 1 of them
-    are independent.
+    compression, follow the pixel grid: for a beam that crosses R pixel rows, or R columns where it
+    is read by rows, not `upright` (n,), only R + 1 of them are independent.
     """
     good = columns.flags == 0
     if not good.any():
         return 0.0, 0.0, 0.0
+    crossed = 1.0
+    for side in (True, False):
+        centre = columns.fits.centre[good & (upright == side)]
+        if len(centre):
+            crossed += centre.max() - centre.min()
     excess = median(np.maximum(columns.sigma[good] ** 2 - columns.noise[good] ** 2, 0.0))
-    centre = columns.fits.centre[good]
-    common_sigma = np.sqrt(excess / (1.0 + centre.max() - centre.min()))
+    common_sigma = np.sqrt(excess / crossed)
     return common_sigma, median(columns.brightness[good]), median(columns.fits.background[good])
 
 

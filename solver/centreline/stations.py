@@ -78,12 +78,12 @@ def _stations(path: Floats, height: int, width: int) -> Any:
         last = first + 1
         while last < len(path) - 1 and _flat(path, last) == upright:
             last += 1
-        limit = width if upright else height
+        limits = (width, height) if upright else (height, width)
         segment = path[first : last + 1]
         along, across = (
             (segment[:, 0], segment[:, 1]) if upright else (segment[:, 1], segment[:, 0])
         )
-        count = _walk(along, across, distance[first : last + 1], upright, limit, out, count)
+        count = _walk(along, across, distance[first : last + 1], upright, limits, out, count)
         first = last
     return (
         out[0, :count].astype(np.int64),
@@ -107,11 +107,14 @@ def _walk(
     across: Floats,
     distance: Floats,
     upright: bool,
-    limit: int,
+    limits: tuple[int, int],
     out: Floats,
     count: int,
 ) -> int:
-    """Write a segment's stations into the columns of `out` from `count` on; return the count."""
+    """Write a segment's stations into the columns of `out` from `count` on; return the count.
+
+    `limits` are the numbers of pixels along the path and across it.
+    """
     forward = np.sign(along[-1] - along[0])
     last = len(along) - 1
     slope = np.empty(last)
@@ -124,11 +127,14 @@ def _walk(
     while line <= forward * along[last]:
         position = forward * line
         line += 1
-        if not 0 <= position < limit:
+        if not 0 <= position < limits[0]:
             continue
         while k < last - 1 and forward * (position - along[k + 1]) > 0:
             k += 1
         fraction = (position - along[k]) / (along[k + 1] - along[k])
+        middle = across[k] + (position - along[k]) * slope[k]
+        if not -0.5 <= middle < limits[1] - 0.5:
+            continue
         # Slopes are those at the midpoints between nodes.
         node = min(max(k if fraction < 0.5 else k + 1, 1), last - 1)
         climb = slope[0]
@@ -138,7 +144,7 @@ def _walk(
             weight = min(max((position - before) / (after - before), 0.0), 1.0)
             climb = slope[node - 1] + weight * (slope[node] - slope[node - 1])
         out[0, count], out[1, count] = position, upright
-        out[2, count] = across[k] + (position - along[k]) * slope[k]
+        out[2, count] = middle
         out[3, count] = min(max(climb, -1.0), 1.0)
         # Going from the clamp to the tip, the normal is a quarter turn from u towards v.
         out[4, count] = forward if upright else -forward

@@ -58,6 +58,8 @@ def find_tip(
     if len(good) < N_BEFORE:
         return None
     last = int(good[-1])
+    # Where the beam turns from columns to rows, both lie on no common line.
+    good = good[places.upright[good] == places.upright[last]]
     # The last two stations are excluded: the end may affect their brightness.
     reference = good[good <= last - 2][-N_BEFORE:]
     if len(reference) < N_BEFORE // 2 or last - reference[0] > 3 * N_BEFORE:

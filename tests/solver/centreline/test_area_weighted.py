@@ -33,6 +33,14 @@ def test_the_sigma_grows_with_the_noise() -> None:
     assert loud > 1.2 * quiet
 
 
+def test_a_line_drawn_without_noise_or_flanks_has_a_sigma() -> None:
+    image = np.zeros((64, 100), np.uint8)
+    image[30] = 200
+    line = area_weighted(image)
+    assert line.points[:, 1] == pytest.approx(np.full(100, 30.0))
+    assert (line.sigma > 0).all()
+
+
 def test_columns_without_the_beam_are_absent() -> None:
     image = line_image(np.full(100, 30.0), 1.6)
     image[:, 40:60] = 10

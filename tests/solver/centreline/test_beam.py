@@ -408,6 +408,17 @@ def test_the_centroid_rejects_what_is_overexposed(random: np.random.Generator) -
     assert np.abs(errors(line, pixels)).max() < 7
 
 
+@pytest.mark.parametrize("theta", [-0.38, 0.38])
+def test_the_centroid_leaves_out_columns_that_the_image_cuts_off(theta: float) -> None:
+    """The beam leaves the image above or below."""
+    light, pixels = pushed(theta)
+    extract, random = learn_centroid(rest_images(), guide()), generator(__name__, 3)
+    for _ in range(4):
+        line = extract(SENSOR(light, random))
+        assert len(line.points) > 150
+        assert np.abs(distances(line.points, pixels)).max() < 0.5
+
+
 def compressed(image: Grey, quality: int) -> Grey:
     """An image as JPEG leaves it."""
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
@@ -437,6 +448,38 @@ def test_a_clean_beam_in_a_compressed_frame_has_honest_sigmas() -> None:
     lines = [learned()(compressed(frame, 50)) for frame in frames]
     chi2 = [np.mean(errors(line, pixels) ** 2) for line in lines]
     assert 0.4 < np.mean(chi2) < 2.0
+
+
+def test_a_centroid_has_no_grid_error_of_the_fit() -> None:
+    centroid = learn_centroid([compressed(image, 80) for image in rest_images()], guide())
+    light, _ = pushed(0.25)
+    frame = compressed(SENSOR(light, generator(__name__, 2)), 80)
+    assert centroid.beam(frame).grid_error is not None
+    assert centroid(frame).grid_error is None
+
+
+@pytest.mark.parametrize(("theta", "s_c"), [(0.7, 0.3), (-0.7, 0.3)])
+def test_sigmas_of_a_beam_that_leaves_the_image_are_those_of_its_noise(
+    theta: float, s_c: float, random: np.random.Generator
+) -> None:
+    """Its course beyond the border is no measurement."""
+    light, pixels = pushed(theta, s_c=s_c)
+    line = learned()(SENSOR(light, random))
+    assert len(line.points) > 60  # of the 98 that are in the image
+    # A single frame: between 0.35 and 1.25 in six.
+    assert 0.2 < np.mean(errors(line, pixels) ** 2) < 2.5
+    assert np.median(line.sigma) < 0.04
+
+
+def test_points_read_by_rows_and_by_columns_have_one_common_error() -> None:
+    """A beam at 45 degrees crosses as many pixel rows as columns, in whichever it is read."""
+    shared = []
+    for theta in (0.6, 0.95):
+        light, _ = pushed(theta, roll=DIAGONAL / 2)
+        frame = SENSOR(light, generator(__name__, 5))
+        shared.append(learned(roll=DIAGONAL / 2)(compressed(frame, 50)).common_sigma)
+    assert 0 < shared[1] < 2 * shared[0]
+    assert shared[1] > shared[0] / 2
 
 
 def test_white_noise_does_not_enlarge_its_own_sigma(random: np.random.Generator) -> None:

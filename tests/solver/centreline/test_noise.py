@@ -44,6 +44,17 @@ def test_one_image_gives_it_too(edges: bool, random: np.random.Generator) -> Non
         assert 0.98 < mean < 1.2  # each has a standard deviation of 0.01 to 0.03
 
 
+@pytest.mark.parametrize("full_well", [500, 10_000])
+def test_one_image_of_an_even_scene_gives_its_noise(
+    full_well: int, random: np.random.Generator
+) -> None:
+    """Its gray values differ by their noise alone, which says nothing about their level."""
+    sensor = Sensor(full_well=full_well)
+    variance = estimate_noise([sensor(np.full((128, 320), 0.3), random)]).variance(0.3 * 255)
+    # Rounding to whole gray values adds 7 %; each has a standard deviation of 0.01.
+    assert variance / sensor.sigma(0.3) ** 2 == pytest.approx(1.03, abs=0.07)
+
+
 def test_a_deep_image_has_the_noise_of_its_own_unit(random: np.random.Generator) -> None:
     deep = Sensor(bits=16)
     noise = estimate_noise([deep(wedge(edges=False), random) for _ in range(3)])

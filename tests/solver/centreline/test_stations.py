@@ -37,6 +37,11 @@ def test_a_path_walked_backwards_has_the_same_stations_and_the_opposite_sense() 
 
 def test_stations_stay_within_the_image() -> None:
     path, _ = bent()
-    places = stations(path, (120, 90))
-    assert places.along[places.upright].max() == 89
-    assert places.along[~places.upright].max() == 119
+    # It leaves below and to the right, where it is read by columns and where it is read by rows.
+    for shape, count in (((40, 300), 68), ((300, 90), 69), ((120, 300), 149), ((300, 120), 101)):
+        places = stations(path, shape)
+        u = np.where(places.upright, places.along, np.rint(places.start))
+        v = np.where(places.upright, np.rint(places.start), places.along)
+        assert places.size == count
+        assert (u < shape[1]).all()
+        assert (v < shape[0]).all()

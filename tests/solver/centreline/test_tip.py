@@ -110,6 +110,25 @@ def test_the_tip_of_a_thick_beam_does_not_depend_on_its_climb(random: np.random.
         assert normalised(line, tip) < 4
 
 
+@pytest.mark.parametrize("before_px", [16.0, 25.0, 40.0])
+def test_a_tip_just_after_the_turn_to_rows_is_found(
+    before_px: float, random: np.random.Generator
+) -> None:
+    """The beam passes 45 degrees so many pixels before its tip."""
+    s = np.linspace(0, LENGTH, 4001)
+    angle = np.pi / 4 * s / (LENGTH - before_px * METRES_PER_PIXEL)
+    steps = (s[1] - s[0]) * np.column_stack([np.cos(angle), -np.sin(angle)])
+    shape = np.vstack([np.zeros(2), (steps[1:] + steps[:-1]).cumsum(axis=0) / 2])
+    square = guide(0.0, 320, 320)
+    rest = drawn(square, bent(0.0))
+    beam = learn_profile_fit([SENSOR(rest, random) for _ in range(2)], square)
+    line = beam(SENSOR(drawn(square, shape), random))
+    assert line.tip is not None
+    tip = square.pixels(shape)[-1]
+    assert abs((line.tip - tip) @ np.array([1.0, 1.0]) / np.sqrt(2)) < 0.1
+    assert normalised(line, tip) < 4
+
+
 def behind(mask: Mask, occluder: float) -> Centreline:
     light = drawn(guide(), bent(0.1, 0.6, TILT), BRIGHT, hidden=mask, occluder=occluder)
     return seen(light, learned())
