@@ -36,7 +36,10 @@ def equal_noise(image: npt.NDArray[Any]) -> Image:
     pixels = np.ascontiguousarray(image, np.float32)
     if pixels.ndim == 2 or np.all(pixels == pixels[..., :1]):
         return pixels.reshape(*pixels.shape[:2], -1)[..., :1]
-    covariance = _covariance(_differences(pixels))
+    differences = _differences(pixels)
+    if not len(differences):  # an even image, in which no channel has an edge
+        return np.asarray(pixels.mean(axis=2, keepdims=True), np.float32)
+    covariance = _covariance(differences)
     values, vectors = np.linalg.eigh(covariance)
     unit = np.sqrt(covariance.mean())  # sigma of the channels' mean
     transform = unit * vectors / np.sqrt(values) @ vectors.T

@@ -62,7 +62,8 @@ def trace(
     at pixel centres, which need to be known to a few pixels. In the images after the first,
     `previous` is the beam in the image before: its ends replace `start` and `end`, and its width is
     searched for. Where no beam is within 8 px of both ends, one within 0.15 of the length is
-    traced. Otherwise as `traced_beam`. Raises InputError where no beam is found.
+    traced. Otherwise as `traced_beam`. Raises InputError where no beam is found, and for an image
+    of another shape or with pixels that are not finite.
 
     >>> import solver
     >>> beam = solver.trace(image, (40, 90), (600, 130))  # doctest: +SKIP
@@ -74,6 +75,8 @@ def trace(
             f"the image has shape {pixels.shape}, allowed are (height, width) and "
             "(height, width, 3)"
         )
+    if not np.isfinite(pixels).all():
+        raise InputError("the image holds pixels that are no numbers, or not finite")
     names = ("start", "end")
     if previous is None:
         return traced_beam(pixels, np.asarray(start), np.asarray(end), names)

@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.tracing.beam_fit import TracedBeam
-from solver.tracing.traced import photograph, traced_beam
+from solver.tracing.traced import photograph, trace, traced_beam
 from tests.draws import generator
 from tests.photographed import Look, Photograph, centreline, photograph_of
 
@@ -195,8 +195,17 @@ def test_a_rolled_camera_traces_the_same_beam() -> None:
     assert len(other.points) == pytest.approx(len(beam.points), abs=5)
 
 
-@pytest.mark.parametrize("gray", [0, 128, 255])
-def test_an_image_without_any_structure_shows_no_beam(gray: int) -> None:
-    image = np.full(SHAPE, gray, np.float32)
+@pytest.mark.parametrize("colour", [0, 128, 255, (30, 90, 200)])
+def test_an_image_without_any_structure_shows_no_beam(colour: int | tuple[int, ...]) -> None:
+    image = np.full((*SHAPE, *np.shape(colour)), colour, np.float32)
     with pytest.raises(InputError, match="no beam is found between clamp_px"):
         traced_beam(image, np.array([70.0, 180.0]), np.array([560.0, 190.0]))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_pixels_that_are_no_numbers_are_refused(value: float) -> None:
+    photo, _ = drawn(8, Look(), 6)
+    image = photo.image.astype(np.float64)
+    image[200, 300] = value
+    with pytest.raises(InputError, match="the image holds pixels that are no numbers"):
+        trace(image, (70, 180), (560, 190))
