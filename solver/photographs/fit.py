@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.spatial.distance import pdist
 from scipy.stats import theilslopes
 
 from solver.core.correlation import correlation_length
@@ -24,7 +25,7 @@ from solver.photographs.joint import LEAST_LOAD, PhotosProblem
 from solver.photographs.photo_set import Photograph, PhotoSet, Stated
 from solver.photographs.prior import Prior, nominal_rigidity, prior_of
 from solver.photographs.problem import PhotoProblem
-from solver.photographs.starts import side_of, starts_of
+from solver.photographs.starts import places_tried, side_of, starts_of
 from solver.tracing.beam_fit import TracedBeam
 
 # Errors of the points, over the beam's length, of the first fits. Chosen: they are too coarse to
@@ -47,6 +48,8 @@ _LEAST_EXPECTED: Final = 0.5
 # Sigma of the width at the tip over that at the clamp, and of a width [px]. Chosen: a round stick
 # is as uniform, and blur as well as light from one side widen a beam by less.
 _WIDTH_SIGMA, _WIDTH_SIGMA_PX = 0.05, 0.5
+# Least share of a beam's length that is visible. Chosen: less shows no bend.
+_LEAST_VISIBLE: Final = 0.1
 
 
 class Shown(NamedTuple):
@@ -111,7 +114,7 @@ def problems_of(photos: PhotoSet, shown: Sequence[Shown]) -> list[PhotoProblem]:
     same = math.sqrt(max(sum(len(photo.ticks) > 0 for photo in photos.photographs), 1))
     problems = []
     for photo, (beam, size) in zip(photos.photographs, shown, strict=True):
-        centre = principal_point(photo, size)
+        centre, visible = principal_point(photo, size), _visible(photo, length)
         problems.append(
             PhotoProblem(
                 points=beam.points - centre,
@@ -122,7 +125,8 @@ def problems_of(photos: PhotoSet, shown: Sequence[Shown]) -> list[PhotoProblem]:
                 ticks=np.column_stack([photo.ticks[:, :2] - centre, photo.ticks[:, 2:] / length])
                 * [1, 1, 1, same],
                 tip_seen=not photo.tip_hidden,
-                width_ratio=_width_ratio(beam, photo),
+                visible=visible,
+                width_ratio=_width_ratio(beam, photo, visible),
                 # The line may be shifted against all marks.
                 mark_sigma=math.hypot(photos.mark_sigma, beam.shift_sigma),
                 load=photo.load,
@@ -148,12 +152,29 @@ def _clamp_bias(beam: TracedBeam, photo: Photograph) -> Floats:
     return np.asarray(_CLAMP_BIAS * beam.widths * np.exp(-widths))
 
 
-def _width_ratio(beam: TracedBeam, photo: Photograph) -> Stated:
-    """Return the log of the beam's width at the tip over that at the clamp, by Theil and Sen."""
+def _visible(photo: Photograph, length: float) -> float:
+    """Return the share of the length [m] up to `tip`, by ticks or marks if the tip is hidden."""
+    if not photo.tip_hidden:
+        return 1.0
+    if len(photo.ticks):
+        *pixel, arc, _ = photo.ticks[photo.ticks[:, 2].argmax()]
+        apart_px, apart = math.dist(pixel, photo.clamp), float(arc)
+    else:
+        apart_px, apart = (float(pdist(photo.marks[:, of]).max()) for of in (slice(2), slice(2, 4)))
+    chord = math.dist(photo.tip, photo.clamp)
+    return float(np.clip(chord / max(apart_px, 1.0) * apart / length, _LEAST_VISIBLE, 1.0))
+
+
+def _width_ratio(beam: TracedBeam, photo: Photograph, visible: float) -> Stated:
+    """Return the log of the beam's width at the tip over that at the clamp, by Theil and Sen.
+
+    It is extrapolated from the `visible` share of the length.
+    """
     chord = photo.tip - photo.clamp
-    along = (beam.points - photo.clamp) @ chord / (chord @ chord)
+    along = (beam.points - photo.clamp) @ chord / (chord @ chord) * visible
     ratio = float(theilslopes(np.log(beam.widths), along).slope)
-    return Stated(ratio, math.hypot(_WIDTH_SIGMA, _WIDTH_SIGMA_PX / float(np.median(beam.widths))))
+    sigma = math.hypot(_WIDTH_SIGMA, _WIDTH_SIGMA_PX / float(np.median(beam.widths)))
+    return Stated(ratio, sigma / visible)
 
 
 def fit_photos(photos: PhotoSet, shown: Sequence[Shown]) -> PhotosFit | Unfitted:
@@ -253,7 +274,7 @@ def _start(problem: PhotosProblem, photo: int, p: Floats) -> Floats | None:
     The shared ones are fixed, but for the bow of a photograph at rest.
     """
     own, shared = problem.photos[photo], problem.shared
-    place = own.load.place.value / own.length if own.load and own.load.place else None
+    places = places_tried(own.load.place, own.length) if own.load else []
     columns = np.array(problem.columns(photo))
     mean = problem.mean[columns]
     # The scale of the forces is unknown until a load is.
@@ -268,7 +289,7 @@ def _start(problem: PhotosProblem, photo: int, p: Floats) -> Floats | None:
         weights=(problem.weights[photo],),
     )
     best: Minimum | None = None
-    for start in starts_of(own.points, own.clamp, own.tip, own.side, place, own.load is not None):
+    for start in starts_of(own.points, own.clamp, own.tip, own.side, places):
         fitted = single.minimised(np.append(p[:shared], start))
         if fitted and (best is None or fitted.at.objective < best.at.objective):
             best = fitted

@@ -22,7 +22,7 @@ from solver.photographs.problem import OWN, PhotoProblem, shared_parameters
 _STEP_SIGMAS: Final = 0.01
 # Places of a load that a step may lead to, over the length. Chosen: a load at the tip may have an
 # estimate beyond it, and the curve ends at 1.05.
-_PLACES: Final = (0.01, 1.045)
+PLACES: Final = (0.01, 1.045)
 # Least load, over EI / L^2. Chosen: it bends the tip by a thirtieth of a thousandth of the length,
 # less than a pixel.
 LEAST_LOAD: Final = 1e-4
@@ -75,7 +75,7 @@ class PhotosProblem:
         low, high = np.full(len(self.mean), -np.inf), np.full(len(self.mean), np.inf)
         for i, photo in enumerate(self.photos):
             load, place = (self.columns(i)[photo.parameters[name]] for name in ("q", "s_c"))
-            low[place], high[place] = _PLACES
+            low[place], high[place] = PLACES
             if photo.load:
                 low[load] = LEAST_LOAD
         return Bounds(low, high)

@@ -73,9 +73,10 @@ class PhotoProblem:
     `points` (n, 2) [px] are those of the beam, `sigmas` (n, 2) [px] the vectors of their one-sigma
     errors. `marks` (m, 4) are pixels u, v, and places x, y over the nominal length; `ticks` (t, 4)
     pixels, arc length and its sigma, over the nominal length. `tip_seen` is whether `tip` is the
-    beam's, `width_ratio` the log of the beam's width [px] at the tip over that at the clamp. `side`
-    is 1 for a beam that bends towards y of Sigma_a, and -1 else. `nominal_force` [N] is EI over the
-    square of the length, `down` [rad] the stated direction of gravity.
+    beam's; `visible` is the share of the length up to it, 1 if it is. `width_ratio` is the log of
+    the beam's width [px] at its true tip over that at the clamp. `side` is 1 for a beam that bends
+    towards y of Sigma_a, and -1 else. `nominal_force` [N] is EI over the square of the length,
+    `down` [rad] the stated direction of gravity.
     """
 
     points: Floats
@@ -85,6 +86,7 @@ class PhotoProblem:
     marks: Floats
     ticks: Floats
     tip_seen: bool
+    visible: float
     width_ratio: Stated
     mark_sigma: float
     load: PhotoLoad | None
@@ -289,7 +291,7 @@ class PhotoProblem:
         chord = self.tip - self.clamp
         length = math.hypot(*chord)
         axes = np.array([chord, [-chord[1], chord[0]]]) / length
-        along = np.hypot(self.mark_sigma, self.ticks[:, 3] * length)
+        along = np.hypot(self.mark_sigma, self.ticks[:, 3] * length / self.visible)
         whitening = np.tile(
             np.eye(2) / self.mark_sigma, (2 + len(self.ticks) + len(self.marks), 1, 1)
         )

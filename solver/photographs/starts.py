@@ -1,19 +1,23 @@
 """Start of a photograph's fit: the load of linear theory whose bend is nearest to the points."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from solver.beams.linear import unit_deflection
 from solver.instrument.arrays import Floats
-from solver.photographs.photo_set import PhotoLoad
+from solver.photographs.joint import PLACES
+from solver.photographs.photo_set import PhotoLoad, Stated
 from solver.photographs.problem import OWN
 from solver.photographs.view import ROLL, SCALE, U, V
 
 # Places of a load over the length, from which a fit starts. Chosen: neighbours are in the same
 # valley of the objective.
 _PLACES: Final = (0.3, 0.5, 0.7, 0.9)
+# A stated place is that of the load within this many sigmas. Chosen: as an answer is right.
+_REACH_SIGMAS: Final = 3.0
 # Least load of a start, over EI / L^2. Chosen: it bends the tip by a thousandth of the length.
 _LEAST_LOAD: Final = 3e-3
 
@@ -32,16 +36,27 @@ def side_of(points: Floats, clamp: Floats, tip: Floats, load: PhotoLoad | None, 
     return -1 if heights.mean() > 0 else 1
 
 
-def starts_of(
-    points: Floats, clamp: Floats, tip: Floats, side: int, place: float | None, loaded: bool
-) -> list[Floats]:
-    """Return the photograph's own parameters (10,) of several starts.
+def places_tried(stated: Stated | None, length: float) -> list[float]:
+    """Return the places of a load over the length [m] of the beam, from which a fit starts.
 
-    `place` is the stated place of the load over the length, if any.
+    They are those that its `stated` place [m] allows.
+    """
+    if stated is None:
+        return list(_PLACES)
+    place, reach = stated.value / length, _REACH_SIGMAS * stated.sigma / length
+    tried = [other for other in _PLACES if abs(other - place) < reach]
+    return [float(np.clip(place, *PLACES)), *tried]
+
+
+def starts_of(
+    points: Floats, clamp: Floats, tip: Floats, side: int, places: Sequence[float]
+) -> list[Floats]:
+    """Return the photograph's own parameters (10,) of a start for each of the load's `places`.
+
+    They are over the length; without one, there is no load.
     """
     along, heights = _along_chord(points, clamp, tip)
-    places = () if not loaded else _PLACES if place is None else (place,)
-    chord = tip - clamp
+    chord, loaded = tip - clamp, len(places) > 0
     starts = []
     for at in places or (0.5,):
         load, slope = 0.0, 0.0

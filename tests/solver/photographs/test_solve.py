@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.instrument.beam_shape import BeamShape
+from solver.instrument.beam_shape import BeamShape, stated_shape
 from solver.instrument.estimate import Outcome
 from solver.photographs.line import fitted_line
 from solver.photographs.photo_set import PhotoLoad, PhotoSet, Stated
@@ -17,6 +17,7 @@ from tests.photo_sets import (
     LENGTH,
     RIGIDITY,
     DrawnSet,
+    Force,
     Noise,
     SetSpec,
     TrueBeam,
@@ -237,3 +238,66 @@ def test_a_tick_scales_a_photograph_whose_tip_is_hidden() -> None:
         photos.append(replace(photo, tip=shown.beam.points[-1], tip_hidden=True, ticks=ticks))
     hidden = answered(drawn._replace(photos=replace(drawn.photos, photographs=tuple(photos))))
     assert np.abs(pulls(drawn, hidden)).max() < 4
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("ticked", [True, False])
+def test_a_hidden_end_of_a_tapered_beam_is_not_taken_for_its_tip(ticked: bool) -> None:
+    """The tip is 0.6 times as wide as the clamp; three fifths of the beam are visible."""
+    random, beam, visible = generator(__name__, 41), TrueBeam(widths=(-0.4,)), 0.6
+    photos, shown, truths = [], [], []
+    for i in range(5):
+        at = float(random.uniform(0.3, 0.5)) * LENGTH
+        load = Force("push", 0.15 * RIGIDITY / LENGTH**2 * (LENGTH / at) ** 2, at) if i else None
+        camera = TrueCamera(view=tuple(random.normal(0, math.radians(4), 2)))
+        photo, seen, truth = photograph(
+            beam, camera, load, 0.0, random, Noise(0.05, 0.2), 4, f"{i}.jpg"
+        )
+        count = round(visible * len(seen.beam.points))
+        part = TracedBeam(
+            seen.beam.points[:count],
+            seen.beam.normals[:count],
+            seen.beam.sigmas[:count],
+            seen.beam.widths[:count],
+        )
+        # Points are at equal arc lengths, 1 to 99 % of the length.
+        arcs = np.linspace(0.01, 0.99, len(seen.beam.points))[[0, count - 1]] * LENGTH
+        ticks = np.column_stack([part.points[[0, -1]], arcs, np.full(2, 2e-4)])
+        stated = None
+        if load is not None:
+            force = Stated(load.size, 2e-3 * load.size) if i == 1 else None
+            stated = PhotoLoad("push", force, None)
+        photo = replace(photo, tip=part.points[-1], tip_hidden=True, load=stated)
+        photos.append(replace(photo, ticks=ticks) if ticked else photo)
+        shown.append(seen._replace(beam=part))
+        truths.append(truth)
+    drawn = DrawnSet(
+        PhotoSet(
+            photographs=tuple(photos),
+            length=Stated(LENGTH, 1e-3 * LENGTH),
+            rigidity=Stated(RIGIDITY, 0.2 * RIGIDITY),
+            shape=stated_shape(0.3, 0.0, 0.0, 0.0),
+            focal=Stated(3000.0, 30.0),
+            k1=Stated(0.0, 1e-3),
+            mark_sigma=0.2,
+        ),
+        shown,
+        truths,
+        beam,
+    )
+    answer = answered(drawn)
+    assert np.abs(pulls(drawn, answer)).max() < 4
+    width = answer.shared["width_0"]
+    assert abs(width.value + 0.4) < 4 * width.sigma
+
+
+def test_a_load_may_be_stated_to_be_near_the_clamp() -> None:
+    """A place of 0 mm, known to 80: a fit cannot start at the clamp."""
+    drawn = drawn_set(5, QUIET)
+    photos = list(drawn.photos.photographs)
+    last = photos[-1].load
+    assert last is not None
+    photos[-1] = replace(photos[-1], load=replace(last, place=Stated(0.0, 0.5 * LENGTH)))
+    answer = answered(drawn._replace(photos=replace(drawn.photos, photographs=tuple(photos))))
+    assert answer.answers[-1].outcome is Outcome.CONTACT
+    assert np.abs(pulls(drawn, answer)).max() < 4
