@@ -1,5 +1,6 @@
 """Compute Tukey's biweight (Beaton and Tukey 1974) on residuals in sigmas."""
 
+import math
 from typing import Final
 
 from solver.instrument.arrays import Floats
@@ -7,6 +8,14 @@ from solver.instrument.compiled import FAST, njit
 from solver.instrument.medians import SIGMA_OVER_MAD, TUKEY_CUT
 
 VARIANCE_FACTOR: Final = 1 / 0.95
+
+
+def noise_chi2(dof: int) -> float:
+    """Compute the largest chi2 per degree of freedom of noise alone: six sigmas of it.
+
+    A run of outliers that has biased a fit of least squares exceeds it.
+    """
+    return 1 + 6 * math.sqrt(2 / dof)
 
 
 @njit(fastmath=FAST)

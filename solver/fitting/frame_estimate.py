@@ -61,7 +61,7 @@ def frame_estimate(
     values, covariance = frame_values(
         measurement, fitted.model, fitted.model.with_friction_ratio(fit)
     )
-    estimate = estimate_from_fit(measurement, problem, fit, values, covariance)
+    estimate = estimate_from_fit(measurement, problem, fit, values, covariance, moment_fitted=False)
     shaded = fitted.neighbours is not None and fitted.neighbours.shaded
     if not (model.beam.prior and estimate.values):
         return FrameEstimate(estimate, shaded)

@@ -26,7 +26,7 @@ from solver.core.least_squares import (
     minimise,
     normal_equations,
 )
-from solver.core.robust import VARIANCE_FACTOR, scale, tukey
+from solver.core.robust import VARIANCE_FACTOR, noise_chi2, scale, tukey
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting.frame_problem import FrameProblem
 from solver.instrument.arrays import Floats
@@ -56,10 +56,11 @@ def robust_fit(problem: FrameProblem, start: Floats) -> FrameFit | None:
     residual = at.rows[0].residual
     count = len(residual)
     dof = max(count - 2, 1)
-    # As in `uniform.fit`: six sigmas of chi2 detect a run of outliers that has biased the fit.
-    limit = dof * (1 + 6 * math.sqrt(2 / dof))
     kept = np.ones(count, dtype=np.bool_)
-    robust = at.objective > limit or np.abs(residual).max() > THRESHOLDS.suspicious_sigmas
+    robust = (
+        at.objective > dof * noise_chi2(dof)
+        or np.abs(residual).max() > THRESHOLDS.suspicious_sigmas
+    )
     if robust or status == STOPPED:
         cut = TUKEY_CUT
         largest = SIGMA_OVER_MAD * float(np.median(np.abs(residual)))

@@ -7,6 +7,7 @@ import numpy as np
 
 from solver.beams.beam import FRICTION_RATIO
 from solver.core.least_squares import CONVERGED, NormalEquations
+from solver.core.robust import noise_chi2
 from solver.core.thresholds import THRESHOLDS
 from solver.fitting import frames
 from solver.fitting.frame_estimate import with_bow
@@ -118,11 +119,6 @@ def _lit_at_both(problem: FrameProblem, fit: FrameFit) -> FrameProblem:
     return problem
 
 
-def noise_chi2(dof: int) -> float:
-    """Compute the largest chi2 per degree of freedom of noise alone: six sigmas of it."""
-    return 1 + 6 * math.sqrt(2 / dof)
-
-
 def _misfit(fit: FrameFit, dof: int) -> str:
     """Return why the points are not as near to the beam as their noise, or ""."""
     rejected = 1 - float(fit.kept.mean())
@@ -172,10 +168,10 @@ def _impossible(measurement: Measurement, problem: FrameProblem, fit: FrameFit) 
     apart = math.sqrt(max(float(difference @ covariance @ difference), 0.0))
     if outer - inner < THRESHOLDS.contact_sigmas * apart:
         return "the two contacts are not apart"
-    beam = measurement.rig.beam
-    tolerance = measurement.rig.tolerances.beam_length / beam.length
-    sigma = math.hypot(math.sqrt(covariance[0, 0]), tolerance)
-    if outer > 1 + THRESHOLDS.beyond_tip_sigmas * sigma:
+    rig = measurement.rig
+    length = rig.beam.length
+    sigma = math.hypot(math.sqrt(covariance[0, 0]), rig.tolerances.beam_length / length)
+    if outer > rig.free_length / length + THRESHOLDS.beyond_tip_sigmas * sigma:
         return "the outer contact is beyond the tip"
     return ""
 

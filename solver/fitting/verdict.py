@@ -81,9 +81,15 @@ def estimate_from_fit(
     covariance: Floats,
     *,
     psi_fitted: bool = False,
+    moment_fitted: bool = True,
 ) -> Estimate:
-    """Convert a converged fit with its values, and their covariance, to an estimate."""
-    has_moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
+    """Convert a converged fit with its values, and their covariance, to an estimate.
+
+    `moment_fitted` is whether the fit uses the reading of a moment sensor, if there is one.
+    """
+    read = measurement.moment_y is not None
+    known = measurement.rig.sensors.moment_y is not None
+    has_moment = read and known and moment_fitted
     count = int(np.count_nonzero(fit.kept))
     measurements = count + 2 * len(problem.arrays.tips) + int(has_moment)
     dof = max(measurements - 2 - int(psi_fitted), 1)
@@ -101,8 +107,10 @@ def estimate_from_fit(
         )
     rejected = problem.points - count
     remarks = [f"{rejected} of {problem.points} points were rejected"] if rejected else []
-    if measurement.moment_y is not None and not has_moment:
+    if read and not known:
         remarks.append("moment ignored: the rig has no sigma for its moment sensor")
+    elif read and not has_moment and measurement.rig.known_psi:  # in plane C it would say nothing
+        remarks.append("moment ignored: the beam's own shape is fitted, as rig.json states it")
     return classified_estimate(
         measurement.rig,
         values,

@@ -1,10 +1,10 @@
 """Least squares with the exact beam: contact and force where the deformation plane is known.
 
-The fit uses all visible points at once, each with its own sigma, and the moment sensor if there is
-one. The clamp's pose is a nuisance parameter with the prior of the rest image and the rig's
-tolerances. The fit attains the information limit for white noise, and 95 % of it with up to 40 % of
-outliers. The plane is C itself (psi = 0), or that in which a flat strip bends (`rig.known_psi`,
-eqs. (7) and (8)). Neither the contact nor the tip needs to be visible.
+The fit uses all visible points at once, each with its own sigma, and of a uniform strip the moment
+sensor if there is one. The clamp's pose is a nuisance parameter with the prior of the rest image
+and the rig's tolerances. The fit attains the information limit for white noise, and 95 % of it with
+up to 40 % of outliers. The plane is C itself (psi = 0), or that in which a flat strip bends
+(`rig.known_psi`, eqs. (7) and (8)). Neither the contact nor the tip needs to be visible.
 
 Where the rig states that the beam may be tapered or out of round, or that objects have friction,
 where its shape was learned, or where it has a bow that matters, the fit is that of

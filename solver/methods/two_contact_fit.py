@@ -12,8 +12,9 @@ This is no part of `exact_fit`: two places and two forces also follow the shape 
 not as the rig states, which `exact_fit` refuses.
 """
 
+from solver.core.robust import noise_chi2
 from solver.core.thresholds import THRESHOLDS
-from solver.fitting.two_contact_estimate import noise_chi2, two_contact_estimate
+from solver.fitting.two_contact_estimate import two_contact_estimate
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit

@@ -15,7 +15,7 @@ import numpy as np
 
 from solver.core.correlation import integrated_correlation
 from solver.core.least_squares import CONVERGED, STOPPED
-from solver.core.robust import VARIANCE_FACTOR, scale
+from solver.core.robust import VARIANCE_FACTOR, noise_chi2, scale
 from solver.core.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.medians import TUKEY_CUT
@@ -64,10 +64,8 @@ def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
     p, residual, kept = start.copy(), work[0], np.ones(problem.points, dtype=np.bool_)
     status, chi2, iterations = fit.minimise(p, np.inf, _FINAL_ITERATIONS)
     dof = max(len(residual) - 2, 1)
-    # Six sigmas of chi2 detect a run of outliers that has biased the least-squares fit.
-    limit = dof * (1 + 6 * math.sqrt(2 / dof))
     largest = np.abs(residual).max(initial=0.0)
-    if chi2 > limit or status == STOPPED or largest > THRESHOLDS.suspicious_sigmas:
+    if chi2 > dof * noise_chi2(dof) or status == STOPPED or largest > THRESHOLDS.suspicious_sigmas:
         # Use the stated sigmas; larger ones only if most of the inliers' residuals require it.
         cut = TUKEY_CUT
         both = fit.robust_minimum(p, cut)
