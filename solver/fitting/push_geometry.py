@@ -32,7 +32,7 @@ from solver.instrument.arrays import Floats
 
 
 class ShapeContacts(NamedTuple):
-    """ShapeContacts of n shapes, `values` (6, n), with `gradients` (6, k, n) by k parameters.
+    """Contacts of n shapes, `values` (6, n), with `gradients` (6, k, n) by k parameters.
 
     They are (force over EI, theta_c, x_c, y_c, s_c, lean), as in `beams.beam.BentBeam`, in SI.
     """

@@ -22,6 +22,8 @@ LEAST_POINTS: Final = 40
 # blurs over the width, at least that many pixels. The first are wide: the path is off by as much.
 FIRST_FITS: Final = ((0.1, 1 / 8, 1.5), (0.2, 1 / 24, 1.2))
 WIDTH_SIGMA: Final = 0.3
+# The least blur of a sharp image, over that. Chosen: half a pixel, as the least of BLURS.
+SHARP: Final = 0.4
 # Blurs [px] that are tried at last. Chosen: an error of 20 % moves both edges alike.
 BLURS: Final = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 # A section is rejected below this fraction of the median contrast, and beyond this many robust
@@ -29,6 +31,8 @@ BLURS: Final = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 MIN_RELATIVE_CONTRAST, REJECTED = 0.2, 5.0
 # Tangent of the angle by which a beam may turn between its last section and the mark. Chosen.
 END_TURN: Final = 0.25
+# Error of a path of the search [px], and over its width: the larger one. As `beam_paths` states.
+PATH_ERROR_PX, PATH_ERROR_WIDTHS = 1.0, 0.25
 # Least contrast [gray] of an edge, and of a path. Chosen: several times that of rounding.
 MIN_CONTRAST: Final = 2.0
 # Least sigma [px]. Measured on drawn beams without grain or texture.
@@ -113,6 +117,14 @@ class BeamFit(NamedTuple):
         off = np.linalg.norm(self.ends(marks) - marks, axis=1)
         return np.asarray(off / (reach + END_TURN * gap))
 
+    def off_path(self, path: BeamPath, chord: Chord) -> float:
+        """Compute how far the line is off the path of the search, over the path's own error."""
+        if not self.enough:
+            return math.inf
+        x, y = chord.places(self.centres[self.kept])
+        off = np.abs(y - np.interp(x, *chord.places(path.points)))
+        return float(np.median(off)) / max(PATH_ERROR_PX, PATH_ERROR_WIDTHS * path.width)
+
     def ends(self, marks: Floats) -> Floats:
         """Move the marks (2, 2) across the beam to the line, which is extended straight."""
         ends = np.flatnonzero(self.kept)[[0, -1]]
@@ -158,12 +170,26 @@ class BeamFit(NamedTuple):
 
 
 def first_fit(image: Image, path: BeamPath, chord: Chord, length: float) -> BeamFit:
-    """Fit both edges along a path, which moves to their middle."""
+    """Fit both edges along a path, which moves to their middle.
+
+    Where an image is sharper than the blur of the fit, the edges of a thin beam are outliers to it,
+    and it leaves the path: it is then fitted again with less blur.
+    """
+    blurred = _first_fit(image, path, chord, length, 1.0)
+    if blurred.off_path(path, chord) <= 1:
+        return blurred
+    sharp = _first_fit(image, path, chord, length, SHARP)
+    return min(blurred, sharp, key=lambda fit: fit.off_path(path, chord))
+
+
+def _first_fit(
+    image: Image, path: BeamPath, chord: Chord, length: float, sharpness: float
+) -> BeamFit:
     at = section_places(length, path.width)
     sections = chord.sections(*chord.places(path.points), at)
     widths = np.full(len(at), path.width)
     for width_sigma, relative_blur, least_blur in FIRST_FITS:
-        blur = max(relative_blur * path.width, least_blur)
+        blur = max(relative_blur * path.width, sharpness * least_blur)
         pairs = _edges(image, sections, widths, width_sigma, blur)
         fit = BeamFit(sections, pairs, _reasons(pairs, sections))
         if not fit.enough:

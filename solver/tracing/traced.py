@@ -122,9 +122,9 @@ def traced_beam(
         )
     length = math.dist(*marks)
     chord = Chord(marks[0], (marks[1] - marks[0]) / length)
-    likeliest = _likeliest(
-        [first_fit(channels, path, chord, length) for path in strong], marks, search.reach
-    )
+    fits = [first_fit(channels, path, chord, length) for path in strong]
+    apart = [fit.off_path(path, chord) for fit, path in zip(fits, strong, strict=True)]
+    likeliest = _likeliest(fits, apart, marks, search.reach)
     fit = None if likeliest is None else final_fit(channels, likeliest, chord)
     if fit is None or fit.off_marks(marks, search.reach).max() > 1:
         raise InputError(
@@ -134,20 +134,28 @@ def traced_beam(
     return fit.traced(marks)
 
 
-def _likeliest(fits: list[BeamFit], marks: Floats, reach: float) -> BeamFit | None:
+def _likeliest(
+    fits: list[BeamFit], off_paths: list[float], marks: Floats, reach: float
+) -> BeamFit | None:
     """Choose the widest beam about the most certain line: grain and highlights are within it.
 
-    A line is certain by the information of its points, and by how near it is to the marks. Return
-    None if none passes the marks.
+    A line is certain by the information of its points, and by how near it is to the marks and to
+    the path along which it was fitted: edges of too small a width slide to one side of a beam.
+    Return None if none passes the marks.
     """
-    fits = [fit for fit in fits if fit.off_marks(marks, reach).max() <= 1]
-    if not fits:
+    far = [
+        np.append(fit.off_marks(marks, reach), off)
+        for fit, off in zip(fits, off_paths, strict=True)
+    ]
+    near = [i for i, off in enumerate(far) if off[:2].max() <= 1]
+    if not near:
         return None
+    fits = [fits[i] for i in near]
     beams = [fit.traced(marks) for fit in fits]
     certainty = np.array(
         [
-            np.sum(beam.sigmas**-2.0) * np.exp(-np.sum(fit.off_marks(marks, reach) ** 2))
-            for beam, fit in zip(beams, fits, strict=True)
+            np.sum(beam.sigmas**-2.0) * np.exp(-np.sum(far[i] ** 2))
+            for beam, i in zip(beams, near, strict=True)
         ]
     )
     widths = np.array([np.median(beam.widths) for beam in beams])

@@ -54,6 +54,30 @@ def test_a_beam_on_a_plain_table_is_traced(width_px: float, rmse_px: float, scal
     assert (np.diff(np.linalg.norm(along, axis=1)) > 0).all()  # from the clamp to the tip
 
 
+@pytest.mark.parametrize("blur_px", [0.4, 0.7])
+@pytest.mark.parametrize("slope", [0.0, 0.1])
+@pytest.mark.parametrize("width_px", [1.5, 2.0])
+def test_a_thin_beam_in_a_sharp_image_is_not_traced_beside_it(
+    width_px: float, slope: float, blur_px: float
+) -> None:
+    """Its edges are outliers to a fit with more blur than the image has."""
+    fine = 8  # points per pixel
+    u, v = ((np.arange(count * fine) + 0.5) / fine - 0.5 for count in (500, 160))
+    for seed in range(2):
+        random = generator(__name__, 31, seed)
+        start = np.array([40.0, 60.0 + random.uniform(-0.5, 0.5)])
+        off = np.abs(v[:, None] - start[1] - slope * (u - start[0])) / np.hypot(1, slope)
+        beam = (off < width_px / 2) & (u >= start[0]) & (u <= 460)
+        share = beam.reshape(160, fine, 500, fine).mean(axis=(1, 3))
+        gray = 200 - 160 * cv2.GaussianBlur(share, (0, 0), blur_px)
+        noisy = np.rint(gray + 2 * random.standard_normal(gray.shape)).astype(np.uint8)
+        traced = traced_beam(noisy, start, start + np.array([420.0, 420.0 * slope]))
+        error = traced.points[:, 1] - start[1] - slope * (traced.points[:, 0] - start[0])
+        # Within one row of pixels, a beam that is narrower than they resolve can be anywhere.
+        assert abs(error.mean()) < (max(4 * traced.shift_sigma, 0.02) if slope else 0.4)
+        assert traced.shift_sigma < 0.3
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(("width_px", "look"), [(2, DARK), (8, WOOD), (15, WOOD), (20, GLOSSY)])
 def test_sigmas_hold_on_a_textured_table_with_grain(width_px: float, look: Look) -> None:
