@@ -26,5 +26,7 @@ def find_by_name(kind: str, name: str, ours: Mapping[str, T]) -> T:
     except Exception as error:
         raise InputError(f"{kind} '{name}' cannot be imported: {described(error)}") from error
     if not callable(attribute):
-        raise InputError(f"{kind} '{name}' is a {type(attribute).__name__}, allowed is a function")
+        raise InputError(
+            f"{kind} '{name}' is of type {type(attribute).__name__}, allowed is a function"
+        )
     return cast(T, attribute)

@@ -42,6 +42,11 @@ def run_command(run: Callable[[], object]) -> NoReturn:
                 sys.stdout.flush()
     except KeyboardInterrupt:
         status = 130
+    except SystemError as error:
+        # Of a Ctrl-C within compiled code, numba makes this error.
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+        status = 130
     except IncompleteError as error:
         _sentence(str(error))
         status = 1

@@ -108,7 +108,7 @@ def solve(
     repeats: Annotated[
         int, typer.Option(min=1, help="runs per frame; the median time is reported")
     ] = 1,
-    quiet: Annotated[bool, typer.Option(help="no table, no progress")] = False,
+    quiet: Annotated[bool, typer.Option(help="no table, no progress, no warnings")] = False,
 ) -> None:
     """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
     _check_command(sources[0])
@@ -127,7 +127,7 @@ def solve(
     if target:
         prepare_output_path(target, inputs.files)
     replaces = target is not None and target.exists()
-    check_overlay(overlay, source, inputs.files)
+    check_overlay(overlay, source, inputs.files, target)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
@@ -158,7 +158,7 @@ def solve(
     if target and not (quiet or stream):
         # EI is not what limits the forces of a rig that contradicts its images.
         accuracy = () if contradictions else expected_accuracy(ordered_rows, antenna.rig)
-        where = f"{target}, which replace those of before" if replaces else str(target)
+        where = f"{target}, replacing the one before" if replaces else str(target)
         _show(ordered_rows, method, where, accuracy)
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
         console.print("interrupted: the estimates so far are kept")
@@ -248,7 +248,7 @@ def snap(
         typer.Option(min=0, help="number of first frames dropped while the exposure settles"),
     ] = 30,
 ) -> None:
-    """Save images as gray PNGs: of the board, or of the beam at rest."""
+    """Save a camera's image as a gray PNG, of board or beam at rest; or convert images."""
     used_channel = checked_channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
     controls = controls_of(size, exposure, control or ())
     frames = open_source(sources, channel=used_channel, controls=controls)

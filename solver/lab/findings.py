@@ -57,7 +57,7 @@ def _copies(antenna: Antenna) -> Iterator[Finding]:
     if antenna.at_rest.copies:
         yield Finding(
             "rest_images_identical",
-            f"{antenna.at_rest.copies} of the rest images are copies of another and are ignored: "
+            f"rest images that are copies of another are ignored ({antenna.at_rest.copies}): "
             "record each with a separate exposure",
         )
 

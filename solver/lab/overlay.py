@@ -223,11 +223,18 @@ def _write(picture: Any, text: str, number: int) -> None:
     cv2.putText(picture, clipped, origin, font, size, (255, 255, 255), 1, cv2.LINE_AA)
 
 
-def check_overlay(overlay: Path | None, source: Source, read: Sequence[Path]) -> None:
-    """Raise InputError for an input, and for one image that is to hold the overlays of several."""
+def check_overlay(
+    overlay: Path | None, source: Source, read: Sequence[Path], table: Path | None
+) -> None:
+    """Raise InputError for an input, for the `table` that is written, and for one image of several.
+
+    One image cannot hold the overlays of several.
+    """
     if overlay is None:
         return
     check_no_input(overlay, read)
+    if table is not None and overlay.resolve() == table.resolve():
+        raise InputError(f"--out and --overlay are both {overlay}, allowed are two files")
     count = len(source) if isinstance(source, Sized) else 0
     if overlay.suffix.lower() in FORMATS and count != 1:
         raise InputError(

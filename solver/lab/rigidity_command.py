@@ -25,8 +25,8 @@ def rigidity(
     rig: RigOption,
     weight_g: Annotated[float, typer.Option(min=0, help="mass, thread included")],
     at_mm: Annotated[float, typer.Option(min=0, help="its distance from the clamp")],
-    weight_sigma_g: Annotated[float, typer.Option(min=0)] = 0.01,
-    at_sigma_mm: Annotated[float, typer.Option(min=0)] = 0.5,
+    weight_sigma_g: Annotated[float, typer.Option(min=0, help="error of the mass")] = 0.01,
+    at_sigma_mm: Annotated[float, typer.Option(min=0, help="error of the distance")] = 0.5,
     level_sigma_deg: Annotated[
         float, typer.Option(min=0, help="one-sigma tilt of the clamp")
     ] = 0.5,

@@ -52,9 +52,7 @@ def open_source(
         if readings is not None:
             raise InputError(f"{single_name}: is a film, and a table of readings is for images")
         return Stack(paths[0], channel)
-    frames_by_path = (
-        {} if readings is None else {f.path.resolve(): f for f in read_frames(readings)}
-    )
+    frames_by_path = {} if readings is None else _by_path(readings)
     frames = []
     for path in paths:
         frame = frames_by_path.get(path.resolve())
@@ -66,6 +64,17 @@ def open_source(
             else replace(frame, frame_id=str(path), path=path, channel=channel)
         )
     return Files(frames)
+
+
+def _by_path(readings: Path) -> dict[Path, ImageFrame]:
+    """Return the frames of a table of readings. Raises InputError for two of one image."""
+    found: dict[Path, ImageFrame] = {}
+    for frame in read_frames(readings):
+        path = frame.path.resolve()
+        if path in found:
+            raise InputError(f"{readings}: holds two rows for {frame.path.name}, allowed is one")
+        found[path] = frame
+    return found
 
 
 def _check_image_file(path: Path) -> None:

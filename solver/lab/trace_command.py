@@ -77,22 +77,25 @@ def trace(
     if source.live:
         raise InputError(f"{sources[0]}: is a camera, allowed are images or a video")
     prepare_output_path(out, read)
-    check_overlay(overlay, source, read)
+    check_overlay(overlay, source, read, out)
     results: list[Traced] = []
     beam: TracedBeam | None = None
-    with ExitStack() as stack:
-        writer = stack.enter_context(OverlayWriter(overlay, source.rate)) if overlay else None
-        for shot in _with_progress(source):
-            result = _traced(shot, marks, beam)
-            results.append(result)
-            beam = result.beam or beam
-            if writer and shot.image is not None:
-                picture = draw_traced(shot.image, result.beam, (sentence(result), shot.name))
-                writer.write(picture, shot.number, shot.name)
+    try:
+        with ExitStack() as stack:
+            writer = stack.enter_context(OverlayWriter(overlay, source.rate)) if overlay else None
+            for shot in _with_progress(source):
+                result = _traced(shot, marks, beam)
+                results.append(result)
+                beam = result.beam or beam
+                if writer and shot.image is not None:
+                    picture = draw_traced(shot.image, result.beam, (sentence(result), shot.name))
+                    writer.write(picture, shot.number, shot.name)
+    finally:  # also after Ctrl-C, and of a video that ends too early
+        if beam is not None:
+            write(out, csv_text([row for one in results for row in rows(one)], COLUMNS).encode())
+            print("\n".join([*summary(results), f"written to {out}"]))
     if beam is None:
         raise InputError(f"{results[0].image}: {results[0].message}")
-    write(out, csv_text([row for one in results for row in rows(one)], COLUMNS).encode())
-    print("\n".join([*summary(results), f"written to {out}"]))
 
 
 def _traced(
@@ -103,7 +106,7 @@ def _traced(
         image = shot.pixels()
         return Traced(shot.name, traced(image, marks[0], marks[1], previous=previous))
     except InputError as error:
-        return Traced(shot.name, None, str(error))
+        return Traced(shot.name, None, str(error).removeprefix(f"{shot.name}: "))
 
 
 def _with_progress(source: Source) -> Iterable[Shot]:

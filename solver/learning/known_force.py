@@ -31,7 +31,7 @@ def rig_with_force(
     estimate = method(replace(measurement, rig=assumed))
     if not estimate.values:
         reason = estimate.message or estimate.outcome
-        raise InputError(f"the frame of the known force does not determine it: {reason}")
+        raise InputError(f"the frame of the known force or weight does not show it: {reason}")
     estimated = estimate.values["force_n"]
     rigidity = rig.beam.flexural_rigidity * force / estimated
     relative = math.hypot(sigma / force, estimate.sigma("force_n") / estimated)

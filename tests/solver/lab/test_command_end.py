@@ -85,6 +85,20 @@ def test_a_signal_ends_a_command_as_ctrl_c_does(number: signal.Signals) -> None:
         assert signal.getsignal(number) is signal.SIG_DFL
 
 
+def test_ctrl_c_within_compiled_code_is_ctrl_c() -> None:
+    """Numba answers it with an error of the interpreter, whose cause it is."""
+
+    def run() -> None:
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    def broken() -> None:
+        raise SystemError("something else")
+
+    assert status_of(run) == 130
+    with pytest.raises(SystemError):
+        run_command(broken)
+
+
 def test_a_signal_that_is_ignored_stays_so() -> None:
     with handled(signal.SIGHUP, signal.SIG_IGN):
         assert status_of(lambda: os.kill(os.getpid(), signal.SIGHUP)) == 0

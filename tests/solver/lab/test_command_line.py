@@ -96,7 +96,7 @@ def test_a_folder_of_observations_gives_a_table_in_its_own_order(
     assert [row["frame_id"] for row in rows] == [f.frame_id for f in open_observations(root).frames]
     assert {row["outcome"] for row in rows} == {"contact"}
     again = command(root).out
-    assert "4 estimates in estimates_exact_fit.csv, which replace those of before" in again
+    assert "4 estimates in estimates_exact_fit.csv, replacing the one before" in again
     heads = next(line for line in again.splitlines() if "frame_id" in line)
     assert "…" not in heads
 

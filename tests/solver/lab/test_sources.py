@@ -273,6 +273,14 @@ def test_only_a_camera_can_be_set(tmp_path: Path) -> None:
         open_source([str(image)], controls=Controls(exposure=5.0))
 
 
+def test_two_rows_of_one_image_are_refused(tmp_path: Path) -> None:
+    image, readings = tmp_path / "a.png", tmp_path / "metadata.csv"
+    image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
+    readings.write_text("file_name,motor_angle_deg\na.png,30\na.png,31\n")
+    with pytest.raises(InputError, match=r"holds two rows for a\.png, allowed is one"):
+        open_source([str(image)], readings)
+
+
 def test_readings_are_found_by_the_images_they_belong_to(dataset: Path) -> None:
     shard = dataset / "observations" / "shard_00000"
     known = {frame.path.name: frame for frame in open_observations(dataset / "observations")}

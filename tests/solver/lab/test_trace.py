@@ -1,7 +1,9 @@
 """The command `trace`: images in, a table of points out."""
 
 import csv
+import itertools
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -12,8 +14,10 @@ from scipy.spatial import cKDTree
 import solver
 from solver.__main__ import main
 from solver.instrument.arrays import Floats
-from solver.instrument.errors import InputError
+from solver.instrument.errors import IncompleteError, InputError
 from solver.instrument.images import read_grey
+from solver.lab import trace_command
+from solver.lab.shots import Shot, Source
 from solver.lab.trace_command import COLUMNS
 from tests.command_line import CommandLine
 from tests.command_words import calls
@@ -133,6 +137,54 @@ def test_an_image_without_the_beam_has_a_row_that_says_why(
     (tmp_path / "points.csv").unlink()
     assert "no beam is found" in command.refused("trace", tmp_path / "b.png", *words, *out)
     assert not (tmp_path / "points.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("ended_by", "status"),
+    [(KeyboardInterrupt(), 130), (IncompleteError("film.avi: ends after 2 of 4 frames"), 1)],
+)
+def test_what_has_been_traced_is_kept_when_the_images_end_too_early(
+    ended_by: BaseException,
+    status: int,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    photo = photographed(0.1, Look(), 7)
+    paths, out = [tmp_path / f"{name}.png" for name in "abcd"], tmp_path / "points.csv"
+    for path in paths:
+        cv2.imwrite(str(path), np.rint(photo.image).astype(np.uint8))
+    shown = trace_command._with_progress
+
+    def two(source: Source) -> Iterator[Shot]:
+        yield from itertools.islice(shown(source), 2)
+        raise ended_by
+
+    monkeypatch.setattr(trace_command, "_with_progress", two)
+    words = ("--start", mark(photo.line[0]), "--end", mark(photo.line[-1]), "--out", out)
+    ended = CommandLine(main, capfd)("trace", *paths, *words)
+    assert ended.status == status
+    assert f"written to {out}" in ended.out
+    assert {row["image"] for row in table(out)} == set(map(str, paths[:2]))
+
+
+def test_the_overlay_does_not_replace_the_table(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    image, both = EXAMPLE / "images" / "push_1_1.png", tmp_path / "seen.png"
+    words = ("--start", "30,90", "--end", "400,90", "--out", both, "--overlay", both)
+    refused = CommandLine(main, capfd).refused("trace", image, *words)
+    assert f"--out and --overlay are both {both}, allowed are two files" in refused
+    assert not both.exists()
+
+
+def test_a_file_that_is_no_image_is_named_once(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "text.png"
+    path.write_text("no image")
+    words = ("--start", "30,90", "--end", "400,90", "--out", tmp_path / "points.csv")
+    assert CommandLine(main, capfd).refused("trace", path, *words).count("text.png") == 1
 
 
 @pytest.mark.parametrize(
