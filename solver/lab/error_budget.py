@@ -74,7 +74,8 @@ def error_budget(antenna: Antenna) -> ErrorBudget | None:
         return None
     keys = sigma_keys(antenna.rig)
     shares = [
-        Share(source, *(1 - (part / whole) ** 2).tolist())
+        # A prior is not quite linear: without one source, another may count for more.
+        Share(source, *np.maximum(1 - (part / whole) ** 2, 0.0).tolist())
         for source, other in _without_sources(antenna, keys)
         if (part := _sigmas(other, line)) is not None
     ]

@@ -31,6 +31,13 @@ SAG_TOLERANCE = 0.2
 SAG_OFFSET, SAG_SLOPE = -2 / 15, 16 / 15
 
 
+# Factor by which the beam's width in the rest images may differ from the stated one, beside a
+# pixel. Chosen: blur and gloss change it by less.
+WIDTH_FACTOR = 1.5
+# Young's modulus [Pa] of the softest and the stiffest beam: rubber, and diamond.
+SOFTEST, STIFFEST = 1e6, 1.2e12
+
+
 class Finding(NamedTuple):
     """Result of a check: a short `name` for programs, and a `message` with cause and remedy."""
 
@@ -41,7 +48,8 @@ class Finding(NamedTuple):
 def findings(antenna: Antenna, frames: Sequence[ImageFrame] = ()) -> tuple[Finding, ...]:
     """List the contradictions among board views, rest images, `frames` of pushes and rig.json."""
     checks = (
-        _stretched, _copies, _left_out, _second_line, _ground, _bent, _scale, _pose, _landmarks,
+        _stretched, _copies, _left_out, _second_line, _ground, _width, _modulus, _bent, _scale,
+        _pose, _landmarks,
     )  # fmt: skip
     of_rest = (finding for check in checks for finding in check(antenna))
     return (*of_rest, *_ground_in_frames(antenna, frames), *_side(antenna, frames))
@@ -99,6 +107,35 @@ def _ground_in_frames(antenna: Antenna, frames: Sequence[ImageFrame]) -> Iterato
             f"{len(without)} of {len(images)} images of pushes do not show the ground of the "
             "images in ground/, which does not serve them: the camera, the ground or the focus has "
             "changed since",
+        )
+
+
+def _width(antenna: Antenna) -> Iterator[Finding]:
+    """Compare the width of a round beam at rest with the stated one."""
+    detector, stated = antenna.extract.detector, antenna.rig.beam.diameter
+    if detector is None or detector.appearance.faces or detector.appearance.is_sampled:
+        return
+    shown = 2 * detector.appearance.section.radius * antenna.pixel
+    ratio = shown / stated
+    if abs(shown - stated) > antenna.pixel and not 1 / WIDTH_FACTOR < ratio < WIDTH_FACTOR:
+        yield Finding(
+            "width_inconsistent",
+            f"the beam looks {shown / MILLIMETRE:.3g} mm wide in the rest images, and "
+            f"beam.diameter_mm is {stated / MILLIMETRE:g}",
+        )
+
+
+def _modulus(antenna: Antenna) -> Iterator[Finding]:
+    """Compute Young's modulus of a round beam from its EI: units are easily confused."""
+    beam = antenna.rig.beam
+    modulus = beam.flexural_rigidity / (math.pi / 64 * beam.diameter**4)
+    if antenna.rig.known_psi is None and not SOFTEST <= modulus <= STIFFEST:
+        yield Finding(
+            "rigidity_implausible",
+            f"a round beam of beam.diameter_mm {beam.diameter / MILLIMETRE:g} and "
+            f"beam.flexural_rigidity_n_mm2 {beam.flexural_rigidity / MILLIMETRE**2:.3g} has a "
+            f"Young's modulus of {modulus / 1e9:.2g} GPa, and materials have {SOFTEST / 1e9:g} to "
+            f"{STIFFEST / 1e9:g}: the unit is N mm^2",
         )
 
 

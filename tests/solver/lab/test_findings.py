@@ -10,11 +10,12 @@ from solver.antenna import Antenna
 from solver.at_rest.landmarks import Pixels
 from solver.calibrate.calibration import Stretch
 from solver.instrument.errors import InputError
-from solver.instrument.observation import Observations
+from solver.instrument.observation import Observations, open_observations
 from solver.instrument.rig import Rig
 from solver.instrument.rig_json import read_rig, rig_to_json
 from solver.instrument.transforms import rigid
 from solver.lab.check import calibration_report
+from solver.lab.example import EXAMPLE
 from solver.lab.findings import findings
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
@@ -46,6 +47,18 @@ def origin_along_the_beam(rig: Rig) -> Rig:
     return replace(rig, base_position=rig.base_position + np.array([0.1, 0.0, 0.0]))
 
 
+def thicker(rig: Rig) -> Rig:
+    return replace(rig, beam=replace(rig.beam, diameter=4 * rig.beam.diameter))
+
+
+def in_newton_square_metres(rig: Rig) -> Rig:
+    return replace(rig, beam=replace(rig.beam, flexural_rigidity=1e-6 * rig.beam.flexural_rigidity))
+
+
+def a_thousand_times_stiffer(rig: Rig) -> Rig:
+    return replace(rig, beam=replace(rig.beam, flexural_rigidity=1e3 * rig.beam.flexural_rigidity))
+
+
 def turned_board(rig: Rig) -> Rig:
     turn = rigid(np.array([0.0, 0.0, math.radians(1)]), np.zeros(3))
     return replace(rig, antenna_from_board=turn @ rig.antenna_from_board)
@@ -61,6 +74,8 @@ def turned_board(rig: Rig) -> Rig:
         (turned_board, "pose_inconsistent"),
         (origin_beside_the_clamp, "pose_inconsistent"),
         (origin_along_the_beam, "scale_inconsistent"),
+        (in_newton_square_metres, "rigidity_implausible"),
+        (a_thousand_times_stiffer, "rigidity_implausible"),
     ],
 )
 def test_what_rig_json_states_wrongly_is_found(
@@ -68,6 +83,13 @@ def test_what_rig_json_states_wrongly_is_found(
 ) -> None:
     assert callable(wrong)
     assert name in names(observations, wrong(observations.rig))
+
+
+@pytest.mark.thorough
+def test_a_diameter_that_the_rest_images_contradict_is_found() -> None:
+    example = open_observations(EXAMPLE)
+    assert names(example, example.rig) == set()
+    assert "width_inconsistent" in names(example, thicker(example.rig))
 
 
 def test_a_right_rig_has_no_findings(antenna: Antenna, observations: Observations) -> None:
