@@ -14,6 +14,7 @@ from solver.instrument.observation import rig_file
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.lab.controls import NO_CONTROLS
 from solver.lab.options import RigOption, open_inputs
+from solver.lab.shots import Shot
 from solver.learning.hung_rigidity import HungWeight, flexural_rigidity
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
@@ -47,10 +48,17 @@ def rigidity(
     def measurement_of(image: Grey) -> Measurement:
         return to_measurement(antenna, extract_centreline(antenna, image))
 
+    def loaded(shot: Shot) -> Measurement:
+        image = shot.pixels()
+        try:
+            return measurement_of(image)
+        except InputError as error:
+            raise InputError(f"{shot.name}: {error}") from error
+
     newton = gravity_m_s2 / 1e3
     result = flexural_rigidity(
         [measurement_of(image) for image in observations.read_rest_images()],
-        [measurement_of(shot.pixels()) for shot in source],
+        [loaded(shot) for shot in source],
         HungWeight(
             force=weight_g * newton,
             force_sigma=weight_sigma_g * newton,
