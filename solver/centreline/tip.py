@@ -58,7 +58,7 @@ def find_tip(
     if len(good) < N_BEFORE:
         return None
     last = int(good[-1])
-    # Where the beam turns from columns to rows, both lie on no common line.
+    # A line is fitted to columns, or to rows: their coordinates differ.
     good = good[places.upright[good] == places.upright[last]]
     # The last two stations are excluded: the end may affect their brightness.
     reference = good[good <= last - 2][-N_BEFORE:]
