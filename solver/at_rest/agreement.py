@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.at_rest.rest_points import centres, place_keys
+from solver.at_rest.rest_points import centres, place_keys, with_grid_error
 from solver.at_rest.thresholds import THRESHOLDS
 from solver.centreline import Centreline
 from solver.centreline.extractor import Extractor
@@ -96,6 +96,8 @@ def disagreements(lines: Sequence[Centreline]) -> Floats:
     others within its errors has 0.
     """
     deviations = np.zeros(len(lines))
+    # Images of one place have one grid error, and each fit of it an error of its own.
+    lines = [with_grid_error(line) for line in lines]
     centre_by_key = [dict(zip(place_keys(line), centres(line), strict=True)) for line in lines]
     keys = sorted(set.intersection(*map(set, centre_by_key)))
     if len(keys) < THRESHOLDS.min_points:

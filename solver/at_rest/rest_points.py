@@ -113,6 +113,21 @@ def mean_points(
     )
 
 
+def with_grid_error(line: Centreline) -> Centreline:
+    """Return a centreline as it was measured, with the error that repeats with the pixel grid."""
+    error = line.grid_error
+    if error is None:
+        return line
+    moved, column = (line.directions[:, 1] != 0) == error.upright, int(not error.upright)
+    along, corrected = line.points[moved, column], line.points[moved, 1 - column]
+    measured = corrected
+    for _ in range(_ROUNDS):
+        measured = corrected + error.at(along, _course(along, measured))
+    points = line.points.copy()
+    points[moved, 1 - column] = measured
+    return replace(line, points=points, grid_error=None)
+
+
 def without_grid_error(line: Centreline, error: GridError) -> Centreline:
     """Subtract an error that repeats with the pixel grid from a centreline of the beam at rest.
 
@@ -123,12 +138,8 @@ def without_grid_error(line: Centreline, error: GridError) -> Centreline:
         return line
     if own is not None and (own.upright != error.upright or own.longest >= error.longest):
         return line
-    column, error = int(not error.upright), error.across
+    line, column, error = with_grid_error(line), int(not error.upright), error.across
     along, measured = line.points[moved, column], line.points[moved, 1 - column]
-    if own is not None:
-        corrected = measured
-        for _ in range(_ROUNDS):
-            measured = corrected + own.at(along, _course(along, measured))
     course, shift = _course(along, measured), np.zeros_like(measured)
     # The error is that of the beam's true place, which the error itself has moved.
     for _ in range(_ROUNDS):

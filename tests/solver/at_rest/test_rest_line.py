@@ -90,6 +90,23 @@ def test_an_image_in_which_the_beam_bends_is_named(random: np.random.Generator) 
     assert not off[[0, 1, 3]].any()
 
 
+def test_grid_errors_that_are_fitted_differently_are_no_disagreement(
+    random: np.random.Generator,
+) -> None:
+    """Where the beam hardly crosses a row, each image gives another error and another course."""
+    images = []
+    for line, size in zip(
+        lines(1e-3 * X, random, camera=LEVEL), (0.0, 0.1, -0.1, 0.2), strict=True
+    ):
+        own = GridError(True, np.array([[0.0, 0.25]]), np.array([size, 0.0]), 1e-4 * np.eye(2))
+        along, across = line.points.T
+        smooth = np.polynomial.Polynomial.fit(along, across, 4)(along)
+        left = np.column_stack([along, across - own.at(along, smooth)])
+        images.append(replace(line, points=left, grid_error=own))
+    assert not disagreements(images).any()
+    assert disagreements([replace(line, grid_error=None) for line in images]).any()
+
+
 def test_noise_alone_is_no_disagreement(random: np.random.Generator) -> None:
     for _ in range(200):
         assert not disagreements(lines(1e-3 * X, random)).any()
