@@ -190,9 +190,8 @@ def _small_shift(values: Floats, sigma: Floats, gray: Pattern, lattice: Lattice)
     for _ in range(_WEIGHINGS):
         residual = whitened - design @ solution
         scatter = SIGMA_OVER_MAD * float(np.median(np.abs(residual)))
-        weight = (
-            np.clip(1 - (residual / (THRESHOLDS.tukey_cut * max(scatter, 1.0))) ** 2, 0.0, 1.0) ** 2
-        )
+        cut = THRESHOLDS.tukey_cut * max(scatter, 1.0)
+        weight = np.clip(1 - (residual / cut) ** 2, 0.0, 1.0) ** 2
         inverse = np.linalg.pinv(design.T @ (weight[:, None] * design), hermitian=True)
         solution = inverse @ (design.T @ (weight * whitened))
     deviation = np.sqrt(np.diag(inverse)[1:]) * max(scatter, 1.0)

@@ -17,7 +17,7 @@ from solver.instrument.board import Charuco
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import CHECKED_FRAMES
-from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.to_measurement import to_measurement
 from solver.tracker import extract_centreline
 
@@ -133,9 +133,9 @@ def _modulus(antenna: Antenna) -> Iterator[Finding]:
         yield Finding(
             "rigidity_implausible",
             f"a round beam of beam.diameter_mm {beam.diameter / MILLIMETRE:g} and "
-            f"beam.flexural_rigidity_n_mm2 {beam.flexural_rigidity / MILLIMETRE**2:.3g} has a "
-            f"Young's modulus of {modulus / 1e9:.2g} GPa, and materials have {SOFTEST / 1e9:g} to "
-            f"{STIFFEST / 1e9:g}: the unit is N mm^2",
+            f"beam.flexural_rigidity_n_mm2 {beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE:.3g} "
+            f"has a Young's modulus of {modulus / 1e9:.2g} GPa, and materials have "
+            f"{SOFTEST / 1e9:g} to {STIFFEST / 1e9:g}: the unit is N mm^2",
         )
 
 

@@ -19,7 +19,7 @@ from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
 from solver.lab.live import FrameResult
 from solver.lab.shots import Source
-from solver.lab.writing import check_no_input
+from solver.lab.writing import check_no_input, check_two_files
 from solver.to_measurement import to_measurement
 from solver.tracing.beam_fit import Rejection, TracedBeam
 from solver.tracker import FrameSolution
@@ -233,8 +233,7 @@ def check_overlay(
     if overlay is None:
         return
     check_no_input(overlay, read)
-    if table is not None and overlay.resolve() == table.resolve():
-        raise InputError(f"--out and --overlay are both {overlay}, allowed are two files")
+    check_two_files(table, overlay, "--overlay")
     count = len(source) if isinstance(source, Sized) else 0
     if overlay.suffix.lower() in FORMATS and count != 1:
         raise InputError(

@@ -28,11 +28,16 @@ def prepare_output_path(path: Path, inputs: Iterable[Path] = ()) -> None:
 
 def prepare_output_and_page(out: Path, page: Path | None, inputs: Iterable[Path]) -> None:
     """Prepare the paths of an output and of its page, if there is one, as `prepare_output_path`."""
-    if page and page.resolve() == out.resolve():
-        raise InputError(f"--out and --page are both {out}, allowed are two files")
+    check_two_files(out, page, "--page")
     read = tuple(inputs)
     for path in filter(None, (out, page)):
         prepare_output_path(path, read)
+
+
+def check_two_files(out: Path | None, other: Path | None, option: str) -> None:
+    """Raise InputError if an option's path is that of --out."""
+    if out and other and other.resolve() == out.resolve():
+        raise InputError(f"--out and {option} are both {out}, allowed are two files")
 
 
 def check_no_input(path: Path, inputs: Iterable[Path]) -> None:

@@ -114,7 +114,7 @@ def test_the_tip_of_a_thick_beam_does_not_depend_on_its_climb(random: np.random.
 def test_a_tip_just_after_the_turn_to_rows_is_found(
     before_px: float, random: np.random.Generator
 ) -> None:
-    """The beam passes 45 degrees so many pixels before its tip."""
+    """The beam's slope is 45 degrees at this distance from its tip."""
     s = np.linspace(0, LENGTH, 4001)
     angle = np.pi / 4 * s / (LENGTH - before_px * METRES_PER_PIXEL)
     steps = (s[1] - s[0]) * np.column_stack([np.cos(angle), -np.sin(angle)])
