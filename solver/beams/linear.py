@@ -33,16 +33,11 @@ def unit_deflection_by_contact(x: Floats | float, x_c: Floats | float) -> Floats
 
 
 @njit
-def ratio(x1: float, x2: float, x_c: float) -> float:
-    """Compute rho = y2 / y1 of points 0 < x1 < x2 [m]; it rises strictly, x2/x1 to (x2/x1)^2."""
-    u1 = (3 * x_c - x1) * x1**2 if x1 <= x_c else (3 * x1 - x_c) * x_c**2
-    u2 = (3 * x_c - x2) * x2**2 if x2 <= x_c else (3 * x2 - x_c) * x_c**2
-    return u2 / u1
-
-
-@njit
 def ratio_slope(x1: float, x2: float, x_c: float) -> float:
-    """Compute d rho / d x_c [1/m], which is positive."""
+    """Compute d rho / d x_c [1/m] of rho = y2 / y1 at points 0 < x1 < x2 [m]; it is positive.
+
+    rho rises from x2/x1 to (x2/x1)^2.
+    """
     if x2 <= x_c:
         return 3 * (x2 - x1) / (3 * x_c - x1) ** 2 * (x2 / x1) ** 2
     if x1 >= x_c:

@@ -78,7 +78,10 @@ class RestColumns:
 
     def shape(self, section: Section, table: Profile) -> "Shape":
         """Fit a section's profile, and measure what it leaves. Raises InputError."""
-        fits = self.fits(table, self.half_width(section))
+        return self.shape_of_fits(section, table, self.fits(table, self.half_width(section)))
+
+    def shape_of_fits(self, section: Section, table: Profile, fits: list[Fits]) -> "Shape":
+        """Measure what fits to every image leave of the beam's columns. Raises InputError."""
         centre, good = self.off_path(fits), self.like_the_beam(fits)
         return shape_of(section, table, fits, centre, good, self.smooth(centre, good))
 

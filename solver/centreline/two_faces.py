@@ -25,7 +25,7 @@ from solver.centreline.effective_profile import EDGE
 from solver.centreline.noise import Noise, pixel_variance
 from solver.centreline.profile import STEP, Profile
 from solver.centreline.profile_fit import Fits
-from solver.centreline.rest_columns import RestColumns, Shape, shape_of
+from solver.centreline.rest_columns import RestColumns, Shape
 from solver.centreline.stations import Stations, read_column
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey
@@ -168,10 +168,8 @@ def _shape(rest: RestColumns, one: Shape, faces: Faces, half: int) -> Shape | No
         fit_faces(image, places, faces, rest.noise, half, rest.full_scale).fits
         for image in rest.images
     ]
-    centre = rest.off_path(fits)
-    good = rest.like_the_beam(fits)
     try:
-        return shape_of(one.section, one.table, fits, centre, good, rest.smooth(centre, good))
+        return rest.shape_of_fits(one.section, one.table, fits)
     except InputError:
         return None
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solver.baselines.two_point import contact_distance, two_point
-from solver.beams.linear import ratio, ratio_slope, unit_deflection
+from solver.beams.linear import ratio_slope, unit_deflection
 from solver.instrument.estimate import Estimate, Outcome
 from tests.draws import generator
 from tests.inclined import VIEWPOINT, inclined, on_plane_c
@@ -20,6 +20,10 @@ def one(x1: float, y1: float, x2: float, y2: float) -> float:
     return float(contact_distance(*(np.array([v]) for v in (x1, y1, x2, y2)))[0])
 
 
+def rho(x1: float, x2: float, x_c: float) -> float:
+    return float(unit_deflection(x2, x_c) / unit_deflection(x1, x_c))
+
+
 @given(PLACES, PLACES, PLACES, st.floats(1e-3, 10.0))
 def test_every_pair_on_a_linear_beam_gives_its_contact(
     x1: float, x2: float, x_c: float, force: float
@@ -30,12 +34,8 @@ def test_every_pair_on_a_linear_beam_gives_its_contact(
     y1, y2 = (float(force / (6 * EI) * unit_deflection(x, x_c)) for x in (x1, x2))
     # rho is flat where both points lie far beyond the contact: rounding grows by 1 / rho'.
     step = 1e-5 * x_c
-
-    def rho(c: float) -> float:
-        return float(unit_deflection(x2, c) / unit_deflection(x1, c))
-
-    slope = (rho(x_c + step) - rho(x_c - step)) / (2 * step)
-    assert one(x1, y1, x2, y2) == pytest.approx(x_c, abs=1e-14 * rho(x_c) / slope + 1e-12)
+    slope = (rho(x1, x2, x_c + step) - rho(x1, x2, x_c - step)) / (2 * step)
+    assert one(x1, y1, x2, y2) == pytest.approx(x_c, abs=1e-14 * rho(x1, x2, x_c) / slope + 1e-12)
 
 
 def test_equals_the_printed_equations() -> None:
@@ -106,12 +106,12 @@ def test_the_ratio_grows_strictly_from_r_to_its_square(
     one, other = sorted((one, other))
     if x2 < 1.05 * x1 or other < 1.01 * one:
         return
-    low, high = ratio(x1, x2, one), ratio(x1, x2, other)
+    low, high = rho(x1, x2, one), rho(x1, x2, other)
     assert x2 / x1 < low < high < (x2 / x1) ** 2
-    assert ratio(x1, x2, 1e-9) == pytest.approx(x2 / x1)
-    assert ratio(x1, x2, 1e9) == pytest.approx((x2 / x1) ** 2)
+    assert rho(x1, x2, 1e-9) == pytest.approx(x2 / x1)
+    assert rho(x1, x2, 1e9) == pytest.approx((x2 / x1) ** 2)
     step = 1e-6 * one
-    slope = (ratio(x1, x2, one + step) - ratio(x1, x2, one - step)) / (2 * step)
+    slope = (rho(x1, x2, one + step) - rho(x1, x2, one - step)) / (2 * step)
     assert ratio_slope(x1, x2, one) == pytest.approx(slope, rel=1e-4, abs=1e-9 / one)
 
 
