@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -47,6 +48,22 @@ FIRST_REACH_PX = 2.0
 # How far the tip may be beyond the stated length, over it: up to there, pixels may show the beam,
 # not the ground. Chosen: rulers and wire cutters are better.
 TIP_MARGIN = 0.01
+# Largest distance [px] of the beam from the path along which its section is searched for. Chosen:
+# from 0.6 px on, fits of a sharp profile to a beam of one pixel ended at wrong places.
+FAR_PX = 0.3
+
+
+class _Described(NamedTuple):
+    """The columns of the rest images along a path (m, 2) [px], and the profiles of the beam.
+
+    Of the `shapes` of sections, the best one is first; there are none where no section shows the
+    beam. The `sampled` profile is None where it is seen in part or not at all.
+    """
+
+    rest: RestColumns
+    path: Floats
+    shapes: list[Shape]
+    sampled: Profile | None
 
 
 @dataclass(frozen=True)
@@ -175,12 +192,9 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
         )
     else:
         moved_px = THRESHOLDS.overlap_sigma_px * overlap
-        sampled, table = _sampled(rest), None
-        if sampled is not None:
-            path = _moved(path, places, places.sense * sampled.off_path)
-            rest = replace(rest, places=stations(path, mean.shape))
-            table = None if rest.in_part else sampled.table
-        look = _look(rest, table, stated, strip)
+        described = _along_the_beam(rest, path)
+        path = described.path
+        look = _look(described, stated, strip)
     x, y = guide.places(path).T
     slope = float(np.polyfit(x, y, 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
@@ -245,15 +259,13 @@ def _nominal(rest: RestColumns) -> Section:
     return Section(rest.radius, FIRST_REACH_PX / 3, 0.0, 0.0)
 
 
-def _look(
-    rest: RestColumns, sampled: Profile | None, radius: float | None, strip: Strip | None
-) -> Appearance:
+def _look(described: _Described, radius: float | None, strip: Strip | None) -> Appearance:
     """Estimate the section that gives the smoothest centres and the smallest residuals.
 
-    Where the section leaves more than noise, the `sampled` profile may take its place. `radius`
-    [px] is the rig's, None for a flat `strip`, of which two faces may be seen.
+    Where the section leaves more than noise, the sampled profile may take its place. `radius` [px]
+    is the rig's, None for a flat `strip`, of which two faces may be seen.
     """
-    shapes = _described(rest)
+    rest, _, shapes, sampled = described
     shape, others = (shapes[0], shapes[1:]) if shapes else (None, [])
     if sampled is not None and (shape is None or shape.misfit > THRESHOLDS.max_section_misfit):
         other = rest.shape(_nominal(rest), sampled)
@@ -316,7 +328,33 @@ def _described_by(
     )
 
 
-def _described(rest: RestColumns) -> list[Shape]:
+def _along_the_beam(rest: RestColumns, path: Floats) -> _Described:
+    """Describe the profile in the rest images along a path (m, 2) [px] that follows the beam.
+
+    Where the beam is far from the path, as at the thin end of a tapered one, sections are searched
+    for once more along the beam. A section that does not describe the beam does not know where it
+    is.
+    """
+    sampled, table = _sampled(rest), None
+    if sampled is not None:
+        rest, path = _beside(rest, path, sampled.off_path)
+        table = None if rest.in_part else sampled.table
+    shapes = _shapes(rest)
+    if shapes and shapes[0].misfit <= THRESHOLDS.max_section_misfit:
+        course = rest.smooth(shapes[0].centre, shapes[0].good)
+        if np.abs(course).max() > FAR_PX:
+            rest, path = _beside(rest, path, course)
+            shapes = _shapes(rest)
+    return _Described(rest, path, shapes, table)
+
+
+def _beside(rest: RestColumns, path: Floats, off_path: Floats) -> tuple[RestColumns, Floats]:
+    """Move the path (m, 2) [px], and with it the columns, by `off_path` (n,) along its normal."""
+    path = _moved(path, rest.places, rest.places.sense * off_path)
+    return replace(rest, places=stations(path, rest.images[0].shape)), path
+
+
+def _shapes(rest: RestColumns) -> list[Shape]:
     """Describe the profile by sections, the best one first; none where none shows the beam."""
     shapes = []
     for section in find_sections(rest):

@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from solver.centreline import Centreline, Flag
+from solver.centreline import Centreline, Flag, appearance
 from solver.centreline.background_subtracted import CentroidExtractor, learn_centroid
 from solver.centreline.extractor import BeamExtractor, learn_profile_fit
 from solver.centreline.flags import fit_and_flag_outliers
+from solver.centreline.rest_detection import RestDetection
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from tests.beam_images import (
@@ -161,6 +163,36 @@ def test_a_beam_that_gets_thinner_is_measured_as_far_as_a_uniform_one() -> None:
     assert np.abs(off).max() < 8
     assert 0.6 < off.std() < 1.4
     assert learned().appearance.section.taper == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.thorough
+def test_a_path_beside_the_beam_is_moved_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The beam is less than a pixel wide at its tip, and the detected line 0.9 px beside it."""
+    look = replace(BRIGHT, radius_px=0.62, spread_px=0.05, roundness=1.5, taper=-0.5)
+    shape = bent(0.0, tilt=-0.011)
+    random, light = generator(__name__, 3), drawn(guide(), shape, look)
+    paths: list[Floats] = []
+    find_line, along_the_beam = appearance._find_line, appearance._along_the_beam
+
+    def beside(*arguments: Any) -> RestDetection:
+        line = find_line(*arguments)
+        x = line.places[:, 0]
+        y = np.interp(x, *shape.T) + 1.2 * METRES_PER_PIXEL * (x / x[-1]) ** 3
+        return line._replace(places=np.column_stack([x, y]))
+
+    def spied(*arguments: Any) -> Any:
+        described = along_the_beam(*arguments)
+        paths.extend([arguments[1], described.path])
+        return described
+
+    # A spline of one width does not find the thin end either.
+    monkeypatch.setattr(appearance, "_sampled", lambda _: None)
+    monkeypatch.setattr(appearance, "_find_line", beside)
+    monkeypatch.setattr(appearance, "_along_the_beam", spied)
+    learn_profile_fit([SENSOR(light, random) for _ in range(4)], guide())
+    off_path = [np.abs(distances(path, guide().pixels(shape))).max() for path in paths]
+    assert off_path[0] > 0.9
+    assert off_path[1] < 0.1
 
 
 def learned_along_a_row(
