@@ -90,14 +90,19 @@ def _section(p: Floats, radius: float) -> Section | None:
 
 
 def _cost(rest: RestColumns, p: Floats, criterion: _Criterion) -> float:
-    """Compute roughness and misfit of parameters (5,), and what their prior adds."""
+    """Compute roughness and misfit of parameters (5,), and what their prior adds.
+
+    A column that a section does not show costs as much as the mean of the others: a section is not
+    better because it shows fewer of them.
+    """
     section = _section(p, rest.radius)
     if section is None:
         return _NOTHING
     misfit_unit = criterion.misfit_unit
     fits = rest.fits(rest.table(section), criterion.half)
     centre, good = rest.off_path(fits), rest.like_the_beam(fits)
-    if np.count_nonzero(good) < THRESHOLDS.min_stations:
+    shown = np.count_nonzero(good)
+    if shown < THRESHOLDS.min_stations:
         return _NOTHING
     residual = centre - rest.smooth(centre, good)
     sigma = np.median([f.sigma[good] for f in fits], axis=0) / np.sqrt(len(fits))
@@ -107,7 +112,7 @@ def _cost(rest: RestColumns, p: Floats, criterion: _Criterion) -> float:
     misfit = sum(np.log1p(f.chi2[good] / f.dof[good] / misfit_unit / 9).sum() * 36 for f in fits)
     width = np.log1p((np.log(p[0]) / WIDTH_SIGMA) ** 2)
     prior = width + ((abs(p[2]) - ROUNDNESS) / ROUNDNESS_SIGMA) ** 2 + (p[3] / SKEW_SIGMA) ** 2
-    return float(roughness + misfit + prior)
+    return float((roughness + misfit) * len(good) / shown + prior)
 
 
 def _best(rest: RestColumns, starts: Sequence[tuple[float, ...]], misfit_unit: float) -> Floats:
