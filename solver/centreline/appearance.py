@@ -125,6 +125,11 @@ class Appearance:
         """Weight of the beam's own shading in the middle of its contrast with the ground."""
         return shading_weight(self._amplitude, self.radius, self.ground)
 
+    @property
+    def knows_section(self) -> bool:
+        """Whether the section describes the images, so that its width is that of the beam."""
+        return not self.is_sampled and self.misfit <= THRESHOLDS.max_section_misfit
+
     @cached_property
     def fit_response(self) -> float:
         """Shift of a profile fit by the beam's shading, over that of the contrast's middle."""

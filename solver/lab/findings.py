@@ -113,7 +113,7 @@ def _ground_in_frames(antenna: Antenna, frames: Sequence[ImageFrame]) -> Iterato
 def _width(antenna: Antenna) -> Iterator[Finding]:
     """Compare the width of a round beam at rest with the stated one."""
     detector, stated = antenna.extract.detector, antenna.rig.beam.diameter
-    if detector is None or detector.appearance.faces or detector.appearance.is_sampled:
+    if detector is None or detector.appearance.faces or not detector.appearance.knows_section:
         return
     shown = 2 * detector.appearance.section.radius * antenna.pixel
     ratio = shown / stated

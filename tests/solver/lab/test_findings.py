@@ -92,6 +92,21 @@ def test_a_diameter_that_the_rest_images_contradict_is_found() -> None:
     assert "width_inconsistent" in names(example, thicker(example.rig))
 
 
+@pytest.mark.thorough
+def test_a_section_that_does_not_describe_the_images_contradicts_no_diameter() -> None:
+    example = open_observations(EXAMPLE)
+    antenna = set_up(replace(example, rig=thicker(example.rig)))
+    detector = antenna.extract.detector
+    assert detector is not None
+    assert detector.appearance.knows_section
+    # As in images that were enlarged and sharpened: there the section was 1.5 times too wide.
+    appearance = replace(detector.appearance, misfit=60.0)
+    misfitting = replace(detector, appearance=appearance)
+    at_rest = replace(antenna.at_rest, extract=misfitting)
+    found = {finding.name for finding in findings(replace(antenna, at_rest=at_rest))}
+    assert "width_inconsistent" not in found
+
+
 def test_a_right_rig_has_no_findings(antenna: Antenna, observations: Observations) -> None:
     assert list(findings(antenna, observations.frames)) == []
 
