@@ -339,10 +339,10 @@ def test_sentences_of_the_ladder_are_those_of_its_table() -> None:
     by_push = (linear[f"x_c_rmse_pct_L_at_{one[:-2]}_pct"] for one in PUSHES)
     assert all(map(agrees, figures(errors, *by_push)))
     assert paper[of_20] < mended[of_20] < profile[of_20]  # "the errors at 20 % deflection rise"
-    assert mended[of_5] / profile[of_5] == pytest.approx(6, abs=0.5)  # "falls to a sixth"
+    assert mended[of_5] / profile[of_5] == pytest.approx(7, abs=0.5)  # "falls to a seventh"
     assert exact["share_pct"] == pytest.approx(80, abs=2)  # "nearly four fifths of the whole way"
     drawn = rung("drawn", "clamp, calibration")
-    assert drawn["divides_by"] == pytest.approx(10, abs=0.5)  # "divides the error by ten"
+    assert drawn["divides_by"] == pytest.approx(9, abs=0.5)  # "divides the error by nine"
     assert agrees(Figure("0.01", light["x_c_median_abs_pct_L"]))
     assert rung("fig8_rigid", "information limit")["divides_by"] < 1.2  # "by more than a fifth"
 
