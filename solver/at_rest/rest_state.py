@@ -28,6 +28,9 @@ BESIDE_PX = 3.0
 # Lengths, over the stated one, at which a beam's free end is looked for. Chosen: an end is found if
 # it is in the last quarter.
 _OTHER_LENGTHS = (1.1, 1.3, 1.6, 2.0, 0.95, 0.75, 0.58, 0.45)
+# Largest sigma [px] of an end that shows that the beam runs the other way. Chosen: a free end is
+# known to a tenth of a pixel, and one of a beam that fades before a dark clamp to three pixels.
+_SHARP_PX = 1.0
 # End of the beam's path for the landmarks, beyond its tip, over its length.
 BEYOND_TIP = 1.08
 
@@ -160,10 +163,14 @@ def _check_direction(
         end = replace(detector, guide=turned)(image)
         if end.tip is None or end.tip_covariance is None:
             return
-        # A clamp's edge may look like a tip: the tip is at the beam's length, within three sigmas.
+        # A clamp's edge may look like a tip: the tip is sharp, and at the beam's length, within
+        # three sigmas.
         tolerance = rig.tolerances
         along = np.diff(turned.ends, axis=0)[0]
-        along *= turned.pixel / math.hypot(*along)
+        along /= math.hypot(*along)
+        if along @ end.tip_covariance @ along > _SHARP_PX**2:
+            return
+        along *= turned.pixel
         sigma = math.hypot(
             tolerance.beam_length,
             tolerance.base_position,

@@ -1,11 +1,14 @@
 """What the rest images show against each other and against the rig."""
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
 import numpy as np
 import pytest
 
+from solver.centreline import Centreline
+from solver.centreline.extractor import BeamExtractor
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.tracker import extract_centreline
@@ -89,3 +92,33 @@ def test_a_bent_beam_shows_what_a_mosaic_does_to_the_beam_at_rest() -> None:
     assert sigmas[1] < sigmas[0] / 10
     # The place may differ by that of the profile's middle, which is the same in all images.
     assert after.slope == pytest.approx(TILT, abs=1e-4)
+
+
+def other_way() -> list[Grey]:
+    """A beam that ends freely where the clamp is stated, and runs on where its tip should be."""
+    light = drawn(GUIDE, bent(0.0))
+    tip = GUIDE.pixels(np.array([[LENGTH, 0.0]]))[0]
+    last = int(tip[0]) - 10
+    onwards = np.where(np.arange(light.shape[1]) > last, light[:, last : last + 1], light)
+    return [image(onwards, seed) for seed in (1, 2)]
+
+
+def test_a_beam_that_runs_the_other_way_is_refused() -> None:
+    with pytest.raises(InputError, match="free end is at the clamp's position"):
+        at_rest(other_way())
+
+
+def test_an_end_that_is_known_to_some_pixels_only_shows_no_direction(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As that of a beam that fades before a dark clamp."""
+    extract = BeamExtractor.__call__
+
+    def vague(self: BeamExtractor, image: Grey) -> Centreline:
+        line = extract(self, image)
+        if line.tip_covariance is None:
+            return line
+        return replace(line, tip_covariance=line.tip_covariance + 3.0**2 * np.eye(2))
+
+    monkeypatch.setattr(BeamExtractor, "__call__", vague)
+    assert at_rest(other_way()).tip is None
