@@ -20,7 +20,13 @@ from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise, mean_image
 from solver.centreline.pixel_grid import grid_period
-from solver.centreline.profile import Profile, Section, profile, tilt_response
+from solver.centreline.profile import (
+    Profile,
+    Section,
+    contrast_before,
+    own_light,
+    tilt_response,
+)
 from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.rest_columns import RestColumns, Shape, check_count, shape_of
 from solver.centreline.rest_detection import RestDetection, find_rest_line
@@ -30,9 +36,8 @@ from solver.centreline.section_on_ground import (
     BeamOnGround,
     GroundErrors,
     section_on_ground,
-    silhouette,
 )
-from solver.centreline.section_search import find_sections
+from solver.centreline.section_search import find_in_own_light, find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.two_faces import Faces, Strip, fit_faces, learn_faces
@@ -77,12 +82,14 @@ class Appearance:
     either side are fitted. `radius` [px] is that of the rig for a round beam: the section's follows
     the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
     ground without structure; `bare_ground` is what images without the beam show of it, None where
-    there are none. Then `silhouette` is the profile of what the beam hides, and `ground_errors`
-    those by the ground at rest. A profile that `is_sampled` is that of the images, not that of the
-    section; one that is `in_part` was seen at some places between the pixels only. `second_line`
-    describes a line beside the beam, "" if there is none, and `second_line_sigma_px` is that of the
-    error by which it moves all of the beam. `faces` are those of a flat strip that shows two.
+    there are none; `ground_errors` are those by the ground at rest. A profile that `is_sampled` is
+    that of the images, not that of the section; one that is `in_part` was seen at some places
+    between the pixels only. `second_line` describes a line beside the beam, "" if there is none,
+    and `second_line_sigma_px` is that of the error by which it moves all of the beam. `faces` are
+    those of a flat strip that shows two.
     `grid_period` [px] is that of the grid on which the images were processed, 0 for raw ones.
+    Before grounds that differ, `own_light` [gray px] is given along `length`, and the profile is
+    that of this light; None before others.
     """
 
     polarity: int
@@ -98,7 +105,6 @@ class Appearance:
     radius: float
     full_scale: int
     ground_at_rest: Ground | None = None
-    silhouette: Profile | None = None
     ground_errors: GroundErrors = NO_GROUND_ERRORS
     bare_ground: GroundAtRest | None = None
     is_sampled: bool = False
@@ -107,6 +113,7 @@ class Appearance:
     second_line_sigma_px: float = 0.0
     faces: Faces | None = None
     grid_period: int = 0
+    own_light: Floats | None = None
 
     def fits(self, image: Grey, places: Stations, known: KnownGround | None = None) -> Fits:
         """Fit the columns of an image (height, width), before a known ground if there is one."""
@@ -119,6 +126,23 @@ class Appearance:
         places = places._replace(start=start)
         edges = fit_faces(image, places, self.faces, self.noise, self.half, self.full_scale)
         return Fits(*edges.fits)
+
+    def amplitudes(self, length: Floats) -> Floats:
+        """Return the amplitudes (n,) at rest at n places along the path [px]."""
+        return np.interp(length, self.length, self.amplitude)
+
+    def expected(self, length: Floats, fits: Fits) -> Floats:
+        """Compute the amplitudes (n,) that the beam at rest has before the ground of an image.
+
+        `length` (n,) [px] are the places of the fits. The beam's own light has changed by one
+        factor everywhere.
+        """
+        if self.own_light is None:
+            return self.amplitudes(length)
+        hidden = 2 * self.section.radius * fits.background
+        at_rest = np.interp(length, self.length, self.own_light)
+        gain = np.median(fits.amplitude + hidden) / np.median(at_rest)
+        return np.asarray(gain * at_rest - hidden)
 
     @property
     def shading(self) -> float:
@@ -136,7 +160,12 @@ class Appearance:
         beside = self.noise.dark + self.noise.per_gray * self.ground
         on_beam = self.noise.per_gray * max(self._amplitude, 0.0)
         weights = np.array([beside, on_beam])
-        return tilt_response(self.profile, self.section, weights, self.half)
+        table = self.before(self._amplitude, self.ground)
+        return tilt_response(table, self.section, weights, self.half)
+
+    def before(self, amplitude: float, ground: float) -> Profile:
+        """Return the profile of the contrast with a `ground` [gray], of this `amplitude`."""
+        return contrast_before(self.profile, amplitude / (2 * self.section.radius), ground)
 
     @cached_property
     def _amplitude(self) -> float:
@@ -283,13 +312,14 @@ def _look(described: _Described, radius: float | None, strip: Strip | None) -> A
         shape, others = seen.shape, []
     fits, good = shape.fits, shape.good
     amplitude = np.mean([f.amplitude for f in fits], axis=0)[good]
+    background = np.mean([f.background for f in fits], axis=0)[good]
+    hidden = 2 * shape.section.radius * background
     # What is not known of the section moves all centres at rest alike.
     unknown = [float(np.median(np.abs(shape.centre - other.centre)[good])) for other in others]
     look = _described_by(
         shape,
         rest,
-        # The median filter removes the noise of single columns.
-        amplitude=median_filter(amplitude, 21, mode="nearest"),
+        amplitude=_without_noise(amplitude),
         noise_variance=float(np.mean([f.sigma[good] ** 2 for f in fits])) / len(fits),
         ground=float(np.median([np.median(f.background[good]) for f in fits])),
         radius=radius,
@@ -300,7 +330,13 @@ def _look(described: _Described, radius: float | None, strip: Strip | None) -> A
         is_sampled=seen is None and sampled is not None and shape.table is sampled,
         in_part=rest.in_part,
         faces=None if seen is None else seen.faces,
+        own_light=None if shape.table.cover is None else _without_noise(amplitude + hidden),
     )
+
+
+def _without_noise(amplitude: Floats) -> Floats:
+    """Replace the amplitudes (n,) of columns, which have noise, by their local medians."""
+    return np.asarray(median_filter(amplitude, 21, mode="nearest"))
 
 
 def _described_by(
@@ -337,8 +373,8 @@ def _along_the_beam(rest: RestColumns, path: Floats) -> _Described:
     """Describe the profile in the rest images along a path (m, 2) [px] that follows the beam.
 
     Where the beam is far from the path, as at the thin end of a tapered one, sections are searched
-    for once more along the beam. A section that does not describe the beam does not know where it
-    is.
+    for once more along the beam, and before grounds that differ in its own light. A section that
+    does not describe the beam does not know where it is, nor what of the ground it hides.
     """
     sampled, table = _sampled(rest), None
     if sampled is not None:
@@ -350,6 +386,10 @@ def _along_the_beam(rest: RestColumns, path: Floats) -> _Described:
         if np.abs(course).max() > FAR_PX:
             rest, path = _beside(rest, path, course)
             shapes = _shapes(rest)
+    own = replace(rest, own_light=True)
+    in_own_light = _shapes_of(find_in_own_light(rest, shapes), own) if shapes else []
+    if in_own_light and in_own_light[0].misfit <= THRESHOLDS.max_section_misfit:
+        rest, shapes = own, in_own_light
     return _Described(rest, path, shapes, table)
 
 
@@ -361,8 +401,13 @@ def _beside(rest: RestColumns, path: Floats, off_path: Floats) -> tuple[RestColu
 
 def _shapes(rest: RestColumns) -> list[Shape]:
     """Describe the profile by sections, the best one first; none where none shows the beam."""
+    return _shapes_of(find_sections(rest), rest)
+
+
+def _shapes_of(sections: Sequence[Section], rest: RestColumns) -> list[Shape]:
+    """Describe the profile by those sections that show the beam."""
     shapes = []
-    for section in find_sections(rest):
+    for section in sections:
         with suppress(InputError):
             shapes.append(rest.shape(section, rest.table(section)))
     return shapes
@@ -379,9 +424,8 @@ def _look_before(
     if not ground.bare_images:
         ground = learn_ground(rest.images, moved, reach, rest.noise, half) or ground
     rest = replace(rest, places=rest.places._replace(start=rest.places.start + off_path))
-    table = profile(section)
-    even = profile(silhouette(section)) if ground.bare_images else None
-    fits = rest.fits(table, half, KnownGround(ground, start.amplitude, even))
+    table = own_light(section)
+    fits = rest.fits(table, half, KnownGround(ground, start.amplitude))
     good = np.all([np.isfinite(f.sigma) for f in fits], axis=0)
     good &= start.amplitude * rest.polarity > 0
     centre = rest.off_path(fits)
@@ -399,7 +443,6 @@ def _look_before(
     return replace(
         look,
         ground_at_rest=ground,
-        silhouette=even,
         ground_errors=start.ground_errors,
     )
 

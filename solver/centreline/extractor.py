@@ -132,10 +132,10 @@ class BeamExtractor:
     def _fit(self, image: Grey, places: Stations, ground: Ground | None) -> Columns:
         """Fit the columns at n stations, and flag those that do not look like the beam at rest."""
         look = self.appearance
-        at_rest = np.interp(places.length, look.length, look.amplitude)
-        known = None if ground is None else KnownGround(ground, at_rest, look.silhouette)
+        known = None if ground is None else KnownGround(ground, look.amplitudes(places.length))
         fits = look.fits(image, places, known)
-        compared = flag_columns(fits, at_rest, look.misfit, look.sigma_px, look.in_part)
+        expected = look.expected(places.length, fits)
+        compared = flag_columns(fits, expected, look.misfit, look.sigma_px, look.in_part)
         return Columns(fits, *compared)
 
     def _measure(self, image: Grey, flat: Grey, ground: Ground | None, path: Floats) -> Centreline:

@@ -37,15 +37,24 @@ END_MARGIN_PX = 1.0
 DISPLACEMENTS = (-4, -3, -2, 2, 3, 4)
 
 
+class Grain(NamedTuple):
+    """Number of pixels along the beam, and across it, that err as one."""
+
+    along: float
+    across: float
+
+
 class Ground(NamedTuple):
     """Gray values (height, width) of the ground without the beam, and their `variance`.
 
     `level` is their typical value. `fine` is the variance of the difference between two halves of a
     pixel: a pixel that the beam covers in part does not show its mean ground. `rows` and `columns`
     are pixels beside the beam that differ by more than noise from the `smooth` ground about them.
-    `bare_images` counts the images without the beam that show it; 0 where it was interpolated. Then
-    `fine` is what the pixels beside do not predict of that difference, and `fine_in_common` the
-    part of its variance that LAG pixels along the beam have in common.
+    `bare_images` counts the images without the beam that show it; 0 where it was interpolated. With
+    them, `fine` is what the pixels beside do not predict of that difference. `in_common` is the
+    part of a variance that LAG pixels along the beam have in common, less that of independent
+    errors: of `fine` with images without the beam, of the interpolation without. `grain` is that of
+    the interpolation.
     """
 
     gray: Pattern
@@ -56,7 +65,8 @@ class Ground(NamedTuple):
     columns: npt.NDArray[np.int64]
     smooth: Floats
     bare_images: int = 0
-    fine_in_common: float = 0.0
+    in_common: float = 0.0
+    grain: Grain = Grain(1.0, 1.0)
 
     def in_image(self, image: Grey, noise: Noise) -> "Ground":
         """Return the ground where an image (height, width) shows it.
@@ -132,14 +142,13 @@ def learn_ground(
     if disturbed <= 1 / (n_images + 1):
         return None
     if bare is None:
-        fine, in_common = _fine_variance(gray, variance / n_images, under), 0.0
-    else:
-        fine, in_common = _curved_variance(gray, variance / n_images)
-    if bare is None:
-        interpolated, error = _interpolated(gray, middle, n)
+        fine = _fine_variance(gray, variance / n_images, under)
+        interpolated, error, in_common, grain = _interpolated(gray, middle, n)
         gray = np.where(under, interpolated, gray)
         variance = np.where(under, error, variance / n_images)
     else:
+        fine, in_common = _curved_variance(gray, variance / n_images)
+        grain = Grain(1.0, 1.0)
         variance = variance / n_images
     if not upright:
         gray, variance, under = gray.T, variance.T, under.T
@@ -157,7 +166,8 @@ def learn_ground(
         columns=columns,
         smooth=np.asarray(blurred[rows, columns], np.float64),
         bare_images=0 if bare is None else bare.images,
-        fine_in_common=in_common,
+        in_common=in_common,
+        grain=grain,
     )
 
 
@@ -232,49 +242,91 @@ def _curved_variance(gray: Floats, mean_variance: Floats) -> tuple[float, float]
         noise = noise[1:-1] * (4 / size + 2 / size / 16)
         variances.append(max(float(np.mean(error**2) - np.mean(noise)), 0.0))
         if size == 2 and variances[0] > 0:
-            lags = np.arange(1, LAG)
-            products = [float(np.mean(error[:, :-lag] * error[:, lag:])) for lag in lags]
-            in_common = 2 * float((LAG - lags) @ products) / (LAG**2 * variances[0])
+            in_common = _in_common([error], variances[0])
     small, large = variances
-    return small**2 / max(large, small, 1e-12), min(max(in_common, 0.0), 1.0)
+    return small**2 / max(large, small, 1e-12), in_common
 
 
-def _interpolated(gray: Floats, middle: Floats, n: int) -> tuple[Floats, Floats]:
+def _in_common(errors: Sequence[Floats], variance: float) -> float:
+    """Estimate the part of a variance that LAG neighbours have in common, from errors (k, n).
+
+    It is the variance of their mean, less the part of independent errors in it; from 0 to 1.
+    """
+    lags = np.arange(1, LAG)
+    products = [
+        sum(float((error[:, :-lag] * error[:, lag:]).sum()) for error in errors)
+        / sum(error[:, lag:].size for error in errors)
+        for lag in lags
+    ]
+    in_common = 2 * float((LAG - lags) @ products) / (LAG**2 * variance)
+    return min(max(in_common, 0.0), 1.0)
+
+
+class _Band(NamedTuple):
+    """Pixels (m, 2 n + 1) of a band: `rows`, `columns` (m, 1), gray values by interpolation.
+
+    `step` (m, 1) is the square of the difference between the band's two sides.
+    """
+
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+    gray: Floats
+    step: Floats
+
+
+class _Interpolated(NamedTuple):
+    """The ground (height, width), its variance in the band, and two fields of `Ground`."""
+
+    gray: Floats
+    variance: Floats
+    in_common: float
+    grain: Grain
+
+
+def _interpolated(gray: Floats, middle: Floats, n: int) -> _Interpolated:
     """Interpolate the ground (height, width) across n pixels on both sides of `middle` (width,).
 
-    Return it with its variance, both of use in the band only. The variance is measured: the same
-    interpolation is tried across the band displaced along the columns, where the ground is known.
+    The variance is measured: the same interpolation is tried across the band displaced along the
+    columns, where the ground is known. It has a part in proportion to the squared difference
+    between the band's two sides: where they differ, an edge of the ground is between them.
     """
-    height = len(gray)
-    offsets = np.arange(-n, n + 1)
-    squares, counts = np.zeros(len(offsets)), np.zeros(len(offsets))
-    on_beam = np.flatnonzero(np.isfinite(middle))
-    course = np.rint(middle[on_beam]).astype(np.int64)
-    for displacement in DISPLACEMENTS:
-        rows = course + displacement * (2 * n + 3)
-        inside = (rows - n - 1 >= 0) & (rows + n + 1 < height)
-        columns, rows = on_beam[inside], rows[inside]
-        truth = gray[rows[:, None] + offsets, columns[:, None]]
-        error = truth - _across(gray, rows, columns, n)
-        squares += (error**2).sum(axis=0)
-        counts += len(columns)
-    rms = squares / np.maximum(counts, 1)
+    columns = np.flatnonzero(np.isfinite(middle))
+    course = np.rint(middle[columns]).astype(np.int64)
+    tried = [_band(gray, columns, course + k * (2 * n + 3), n) for k in DISPLACEMENTS]
+    step = np.concatenate([band.step for band in tried])
+    errors = [gray[band.rows, band.columns] - band.gray for band in tried]
+    square = np.concatenate(errors) ** 2
+    alike, by_step, in_common = np.zeros(2 * n + 1), np.ones(2 * n + 1), 0.0
+    grain = Grain(1.0, 1.0)
+    if len(step) > LAG:
+        alike = square[step[:, 0] <= np.median(step)].mean(axis=0)
+        by_step = np.maximum((square - alike).sum(axis=0), 0.0) / max(float(step.sum()), 1e-12)
+        sigmas = [np.sqrt(alike + by_step * band.step + 1e-12) for band in tried]
+        in_sigmas = [(error / sigma).T for error, sigma in zip(errors, sigmas, strict=True)]
+        in_common = _in_common(in_sigmas, 1.0)
+        # The variance of the sum across the band, over that of independent errors.
+        across = np.concatenate([each.sum(axis=0) for each in in_sigmas]) ** 2 / (2 * n + 1)
+        grain = Grain(1 + LAG * in_common, max(float(across.mean()), 1.0))
     result, variance = gray.copy(), np.zeros_like(gray)
-    inside = (course - n - 1 >= 0) & (course + n + 1 < height)
-    columns, rows = on_beam[inside], course[inside]
-    result[rows[:, None] + offsets, columns[:, None]] = _across(gray, rows, columns, n)
-    variance[:] = rms.max(initial=0.0)
-    variance[rows[:, None] + offsets, columns[:, None]] = rms
-    return result, variance
+    band = _band(gray, columns, course, n)
+    result[band.rows, band.columns] = band.gray
+    # Columns that do not show all of the band are not interpolated.
+    variance[:] = square.mean(axis=0).max() if len(step) else 0.0
+    variance[band.rows, band.columns] = alike + by_step * band.step
+    return _Interpolated(result, variance, in_common, grain)
 
 
-def _across(
-    gray: Floats, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64], n: int
-) -> Floats:
-    """Interpolate linearly (m, 2 n + 1) between the pixels n + 1 before and after given rows."""
-    before, after = gray[rows - n - 1, columns], gray[rows + n + 1, columns]
-    fraction = (np.arange(-n, n + 1) + n + 1) / (2 * n + 2)
-    return np.asarray(before[:, None] + fraction * (after - before)[:, None])
+def _band(
+    gray: Floats, columns: npt.NDArray[np.int64], course: npt.NDArray[np.int64], n: int
+) -> _Band:
+    """Interpolate linearly across a band along a course, in the columns that show all of it."""
+    inside = (course - n - 1 >= 0) & (course + n + 1 < len(gray))
+    columns, course = columns[inside, None], course[inside, None]
+    before, after = gray[course - n - 1, columns], gray[course + n + 1, columns]
+    offsets = np.arange(-n, n + 1)
+    fraction = (offsets + n + 1) / (2 * n + 2)
+    interpolated = np.asarray(before + fraction * (after - before))
+    return _Band(course + offsets, columns, interpolated, np.asarray((after - before) ** 2))
 
 
 @njit

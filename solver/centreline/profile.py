@@ -8,6 +8,10 @@ columns obliquely is wider along them, and each column averages its rise or fall
 
 A beam that gets thinner towards its tip has a table for each of several widths, and every column
 is read with the nearest one.
+
+A section describes the beam's contrast with its ground. Before grounds that differ, it is the
+section of the beam's own light, and `cover` tabulates what the beam hides: the contrast is the one
+less the other.
 """
 
 from dataclasses import dataclass, replace
@@ -22,6 +26,9 @@ from solver.instrument.compiled import njit
 # The table's step along a column [px], and its number of slopes, from the rows to the diagonal.
 STEP = 1 / 64
 SLOPES = 17
+# Largest skew of a contrast's section, of which no side is dark, and of a beam's own light. Chosen:
+# the latter is lit from 72 degrees to the side.
+MAX_SKEW, MAX_OWN_SKEW = 0.9, 3.0
 # Strips across the section.
 _STRIPS = 32
 # Number of tables of a tapered beam. Chosen: where two pixels taper to one, half a step moves an
@@ -34,8 +41,9 @@ class Section:
     """How the beam's section appears: `radius` [px], Gaussian `spread` [px], and its shading.
 
     `roundness` is the power of the chord, 0 for an even band; `skew` tilts the brightness across
-    the section, positive where the side of larger pixel coordinates is brighter. `taper` is the
-    difference of the radii at the tip and at the clamp, over `radius`, which is that in the middle.
+    the section, up to MAX_SKEW, positive where the side of larger pixel coordinates is brighter.
+    `taper` is the difference of the radii at the tip and at the clamp, over `radius`, which is that
+    in the middle.
     """
 
     radius: float
@@ -52,7 +60,8 @@ class Profile(NamedTuple):
     i is for a beam that climbs i / (SLOPES - 1) px per column; the middle of a row is the axis; its
     sum times STEP is one over the cosine of the climb, so that amplitudes are comparable.
     `brightness` (k, n) [1/px] is what the pixels average, across the beam. `length` [px] is that of
-    the beam along its path.
+    the beam along its path. `cover` is the profile of the same beam with an even brightness, which
+    its share of the pixels is, over its width; None for a profile of the contrast.
     """
 
     value: Floats
@@ -60,17 +69,44 @@ class Profile(NamedTuple):
     brightness: Floats
     radius: Floats
     length: float
+    cover: "Profile | None" = None
 
 
 def profile(section: Section, length: float = 1.0) -> Profile:
-    """Tabulate the profiles of a beam with this section, `length` [px] long."""
-    places = np.linspace(-0.5, 0.5, TAPERED_TABLES) if section.taper else np.zeros(1)
-    radii = section.radius * (1 + section.taper * places)
-    extent = 1.5 * radii.max() + 5 * section.spread * 1.5 + 1.5
-    fine = _fine_grid(extent)
-    across = [_spread(fine, replace(section, radius=float(radius))) for radius in radii]
-    value, slope = np.stack([_tabulated(fine, one) for one in across], axis=1)
-    return Profile(value, slope, np.array(across)[:, ::4], radii, length)
+    """Tabulate the profiles of the contrast of a beam with this section, `length` [px] long."""
+    x = _strips()
+    shade = (1 - x**2) ** (section.roundness / 2) * (1 + section.skew * x)
+    return _of_strips(section, shade, length)
+
+
+def own_light(section: Section, length: float = 1.0) -> Profile:
+    """Tabulate the profiles of the light of a beam with this section, and of what it hides.
+
+    A matt cylinder is as bright as the cosine of the angle between its surface's normal and the
+    light: that of light from one side adds to that from the front (Lambert 1760).
+    """
+    x = _strips()
+    shade = np.maximum((1 - x**2) ** (section.roundness / 2) + section.skew * x, 0.0)
+    cover = _of_strips(section, np.ones_like(x), length)
+    return _of_strips(section, shade, length)._replace(cover=cover)
+
+
+def contrast_before(table: Profile, contrast: float, ground: float) -> Profile:
+    """Compute the profile of the contrast with a ground from one of the beam's own light.
+
+    `contrast` is the beam's mean gray value less that of the ground, and `ground` the latter. A
+    profile without a cover is returned as it is.
+    """
+    cover = table.cover
+    if cover is None:
+        return table
+    own, hidden = (contrast + ground) / contrast, ground / contrast
+    return table._replace(
+        value=own * table.value - hidden * cover.value,
+        slope=own * table.slope - hidden * cover.slope,
+        brightness=own * table.brightness - hidden * cover.brightness,
+        cover=None,
+    )
 
 
 def spline_profile(values: Floats, step: float, reach: float) -> Profile:
@@ -195,11 +231,15 @@ def _at(values: Floats, fine: Floats, t: float) -> float:
     return float(values[k] + (place - k) * (values[k + 1] - values[k]))
 
 
-def _spread(t: Floats, section: Section) -> Floats:
-    """Compute section x point spread across the beam, of unit area, at t [px]."""
-    x = _strips()
-    brightness = (1 - x**2) ** (section.roundness / 2) * (1 + section.skew * x)
-    return _blurred(t, section, brightness / brightness.sum())
+def _of_strips(section: Section, shade: Floats, length: float) -> Profile:
+    """Tabulate the profiles of a section whose strips are as bright as their `shade`."""
+    places = np.linspace(-0.5, 0.5, TAPERED_TABLES) if section.taper else np.zeros(1)
+    radii = section.radius * (1 + section.taper * places)
+    extent = 1.5 * radii.max() + 5 * section.spread * 1.5 + 1.5
+    fine, shade = _fine_grid(extent), shade / shade.sum()
+    across = [_blurred(fine, replace(section, radius=float(radius)), shade) for radius in radii]
+    value, slope = np.stack([_tabulated(fine, one) for one in across], axis=1)
+    return Profile(value, slope, np.array(across)[:, ::4], radii, length)
 
 
 def _strips() -> Floats:

@@ -4,14 +4,12 @@ A column (or a row, where the beam is steep) shows amplitude x profile(v - centr
 + slope (v - middle). The four parameters are estimated by Gauss-Newton, weighted with the sensor's
 noise (maximum likelihood); the centre's variance is that of the linearised fit.
 
-Before a ground that is known from the rest images, the straight line is the light on it: the ground
-is seen, dimmed or brightened, where the beam does not cover it. Under the beam, the ground's
-typical level takes its place, so that the beam's amplitude is the contrast with that level
-everywhere. The noise is that of the image and of the ground.
-
-Where images without the beam show the ground, a gray value is the beam's own, amplitude x profile,
-and what the beam's silhouette leaves of the ground. Of a pixel that the beam's edge divides, one
-side is seen: the ground's slope between the pixels states what it shows, and the rest is noise.
+This is the contrast with the ground, whose profile is the same in all columns where the ground is
+everywhere alike. With a profile of the beam's own light, a gray value is amplitude x profile, and
+what the beam's cover leaves of the ground: of the straight line, or of that times a ground that
+other images show. Then the noise is that of the image and of the ground. Of a pixel that the beam's
+edge divides, one side is seen: the ground's slope between the pixels states what it shows, and the
+rest is noise.
 """
 
 from typing import Any, NamedTuple
@@ -62,17 +60,14 @@ class Fits(NamedTuple):
 
 
 class KnownGround(NamedTuple):
-    """The `ground` at rest, and the beam's `amplitude` (n,) [gray px] before it at n stations.
+    """The `ground` at rest, and the beam's `amplitude` (n,) [gray px] at n stations.
 
-    The amplitudes of the image may differ by AMPLITUDE_SIGMA: where the ground is not known, it
-    looks like a part of the beam. `silhouette` is the profile of a beam with an even brightness: it
-    states what is hidden of a ground that images without the beam show. It is None for another
-    ground.
+    The amplitudes are those before the ground's level. Those of the image may differ by
+    AMPLITUDE_SIGMA: where the ground is not known, it looks like a part of the beam.
     """
 
     ground: Ground
     amplitude: Floats
-    silhouette: Profile | None = None
 
 
 def fit_profiles(
@@ -86,17 +81,17 @@ def fit_profiles(
 ) -> Fits:
     """Fit the profile at every station, from its start, before a known ground if there is one.
 
-    `half` pixels on either side are fitted; pixels of `full_scale` or more are left out.
+    `half` pixels on either side are fitted; pixels of `full_scale` or more are left out. Amplitudes
+    are the contrast's, also with a profile of the beam's own light, which a known ground needs.
 
     Where an object or its shadow hides the ground, the known ground explains a column worse than
     a straight line does: the better of both fits is kept.
     """
-    plain: Fits = _fit(image, places, profile, noise, half, full_scale, None, None)
+    cover, profile = profile.cover, profile._replace(cover=None)
+    plain: Fits = _fit(image, places, profile, noise, half, full_scale, None, cover)
     if known is None:
         return plain
-    silhouette = known.silhouette
-    known = known._replace(silhouette=None)
-    before: Fits = _fit(image, places, profile, noise, half, full_scale, known, silhouette)
+    before: Fits = _fit(image, places, profile, noise, half, full_scale, known, cover)
     unlikely = before.chi2 > THRESHOLDS.max_misfit * np.maximum(before.dof, 1)
     keep = np.isfinite(before.sigma) & ~(unlikely & (plain.chi2 < before.chi2))
     return Fits(*(np.where(keep, *both) for both in zip(before, plain, strict=True)))
@@ -110,11 +105,11 @@ class _Cover(NamedTuple):
 
 
 class _Behind(NamedTuple):
-    """The known ground behind a beam, in one column.
+    """The ground behind a beam, in one column: a known one, or one that is even.
 
     `pattern` (n,) are its gray values over its `level`; `variance` (n,) and `fine` are those of
-    `Ground`, over the level's square. The beam is `width` [px] wide, with an `amplitude` [gray px]
-    that has the weight `prior`.
+    `Ground`, over the level's square. The beam is `width` [px] wide, with its own light's
+    `amplitude` [gray px], which has the weight `prior`.
     """
 
     pattern: Floats
@@ -135,13 +130,16 @@ def _fit(
     half: int,
     full_scale: int,
     known: KnownGround | None,
-    silhouette: Profile | None,
+    hidden: Profile | None,
 ) -> Fits:
-    """Fit all stations, all before the known ground or none: each is compiled on its own."""
+    """Fit all stations, all before the known ground or none, and all with what is `hidden` or not.
+
+    Each of the three cases is compiled on its own.
+    """
     n, size = len(places.along), 2 * half + 1
     out, row = np.zeros((8, n)), np.empty(8)
     gray, memory = np.empty(size), np.empty((5, size))
-    pattern, variance = np.empty(size), np.empty(size)
+    pattern, variance = np.ones(size), np.zeros(size)
     for i in range(n):
         row[:] = 0.0
         row[1] = row[3] = np.inf
@@ -149,22 +147,25 @@ def _fit(
         first = int(np.rint(start)) - half
         if read_column(image, line, upright, first, gray):
             table = nearest_table(profile, places.length[i])
-            behind, cover = None, None
-            if silhouette is not None:
-                cover = _Cover(silhouette.value[table], silhouette.slope[table])
+            behind, cover, width = None, None, 2 * profile.radius[table]
+            if hidden is not None:
+                cover = _Cover(hidden.value[table], hidden.slope[table])
             if known is not None:
-                ground, amplitude = known.ground, known.amplitude[i]
+                ground = known.ground
                 for k in range(size):
                     v, u = (first + k, line) if upright else (line, first + k)
                     pattern[k] = ground.gray[v, u] / ground.level
                     variance[k] = ground.variance[v, u] / ground.level**2
-                width = 2 * profile.radius[table]
-                if silhouette is not None:
-                    amplitude += width * ground.level
+                amplitude = known.amplitude[i] + width * ground.level
                 behind = _Behind(
                     pattern, variance, ground.fine / ground.level**2, ground.level,
                     width, amplitude, (AMPLITUDE_SIGMA * amplitude) ** -2,
                 )  # fmt: skip
+            elif hidden is not None:
+                # An even ground of unknown level, in units of which the amplitude begins.
+                level = max((gray[0] + gray[-1]) / 2, 1.0)
+                amplitude = gray.sum() / level - size + width
+                behind = _Behind(pattern, variance, 0.0, 1.0, width, amplitude, 0.0)
             _fit_column(
                 start, first, half, abs(places.climb[i]), places.sense[i],
                 profile.value[table], profile.slope[table],
@@ -204,13 +205,12 @@ def _fit_column(
     weight, expected, unknown = memory[0], memory[1], memory[2]
     covered, steepness = memory[3], memory[4]
     c, a, b, s = start, 0.0, 0.0, 0.0
-    if behind is not None:
+    if behind is not None and cover is not None:
         a, b = behind.amplitude, behind.level
         interpolate_column(value, climb, sense, first - c, expected)
-        if cover is not None:
-            interpolate_column(cover.value, climb, sense, first - c, covered)
-            interpolate_column(cover.slope, climb, sense, first - c, steepness)
-        _expect(a, b, s, half, sense, behind, cover, covered, steepness, expected, unknown)
+        interpolate_column(cover.value, climb, sense, first - c, covered)
+        interpolate_column(cover.slope, climb, sense, first - c, steepness)
+        _expect(a, b, s, half, sense, behind, covered, steepness, expected, unknown)
     used = _weigh(gray, gray, unknown, behind, noise, full_scale, weight)
     fields[7] = len(gray) - used
     if used < THRESHOLDS.min_pixels:
@@ -249,16 +249,15 @@ def _fit_column(
         if step < 2 or abs(update) > REWEIGH_PX:
             # Weights from the model's gray values, not from the noisy ones, nor from those of a
             # model at another place, where dark pixels are bright and have a larger noise.
-            _expect(a, b, s, half, sense, behind, cover, covered, steepness, expected, unknown)
+            _expect(a, b, s, half, sense, behind, covered, steepness, expected, unknown)
             _weigh(gray, expected, unknown, behind, noise, full_scale, weight)
         elif abs(update) < TOLERANCE_PX:
             break
     chi2 = gg - a * gp
     if behind is not None:
         chi2 -= behind.prior * (a - behind.amplitude) ** 2
-        if cover is not None:
-            # The contrast with the ground's level, as before other grounds.
-            a -= behind.width * b
+        # The contrast with the ground's level.
+        a -= behind.width * b
     fields[0], fields[1], fields[2] = c, 1 / np.sqrt(information), a
     fields[3], fields[4], fields[5] = 1 / np.sqrt(pp), b, max(chi2, 0.0)
 
@@ -271,7 +270,6 @@ def _expect(
     half: int,
     sense: float,
     behind: _Behind | None,
-    cover: _Cover | None,
     covered: Floats,
     steepness: Floats,
     profile: Floats,
@@ -281,27 +279,11 @@ def _expect(
     for k in range(len(profile)):
         p, x, u = profile[k], float(k - half), 1.0
         if behind is not None:
-            if cover is None:
-                u, share = _seen(behind, k, p), _cover(behind, p)
-            else:
-                share = behind.width * covered[k]
-                steep = sense * behind.width * steepness[k]
-                u = _beside(behind.pattern, k, share, steep)
+            share = behind.width * covered[k]
+            u = _beside(behind.pattern, k, share, sense * behind.width * steepness[k])
             hidden = share * share * behind.fine
             unknown[k] = ((b + s * x) * (1.0 - share)) ** 2 * (behind.variance[k] + hidden)
         profile[k] = max(a * p + b * u + s * x * u, 0.0)
-
-
-@njit(inline="always")
-def _cover(behind: _Behind, profile: float) -> float:
-    """Compute the share of a pixel that the beam covers, from its profile there."""
-    return float(min(max(behind.width * profile, 0.0), 1.0))
-
-
-@njit(inline="always")
-def _seen(behind: _Behind, k: int, profile: float) -> float:
-    """Compute what a pixel shows of the ground, over its level: under the beam, the level."""
-    return float(behind.pattern[k] + _cover(behind, profile) * (1.0 - behind.pattern[k]))
 
 
 @njit(inline="always")
@@ -341,9 +323,9 @@ def _products(
     the profile with 1, x and itself; of its derivative with 1, x, the profile and itself; and of
     the gray values with both.
 
-    Before a known ground, 1 and x are times what is seen of it, the derivative includes that of the
-    ground under the beam's edges, for the parameters `a`, `b` and `s` of the step before, and the
-    amplitude at rest is one more observation.
+    With what the beam hides, 1 and x are times what is seen of the ground, and the derivative
+    includes that of the ground under the beam's edges, for the parameters `a`, `b` and `s` of the
+    step before. The amplitude at rest is one more observation before a known ground.
     """
     row, column, stride, row_fraction, fraction = table_position(value, climb, sense, offset)
     w0 = w1 = w2 = g0 = g1 = gg = p0 = p1 = pp = d0 = d1 = dp = dd = gp = gd = 0.0
@@ -357,18 +339,13 @@ def _products(
         profile[k] = p
         w, g, x = weight[k], gray[k], float(k - half)
         u = 1.0
-        if behind is not None:
-            if cover is None:
-                u = _seen(behind, k, p)
-                if behind.width * p < 1.0:
-                    d *= 1.0 + (b + s * x) / a * behind.width * (1.0 - behind.pattern[k])
-            else:
-                at = column - stride
-                covered[k] = table_value(cover.value, row, at, row_fraction, fraction)
-                steepness[k] = table_value(cover.slope, row, at, row_fraction, fraction)
-                share, steep = behind.width * covered[k], behind.width * steepness[k]
-                u = _beside(behind.pattern, k, share, sense * steep)
-                d -= (b + s * x) / a * behind.pattern[k] * steep
+        if behind is not None and cover is not None:
+            at = column - stride
+            covered[k] = table_value(cover.value, row, at, row_fraction, fraction)
+            steepness[k] = table_value(cover.slope, row, at, row_fraction, fraction)
+            share, steep = behind.width * covered[k], behind.width * steepness[k]
+            u = _beside(behind.pattern, k, share, sense * steep)
+            d -= (b + s * x) / a * behind.pattern[k] * steep
         wu, wg, wp, wd = w * u, w * g, w * p, w * d
         wx = wu * x
         w0, w1, w2 = w0 + wu * u, w1 + wx * u, w2 + wx * u * x

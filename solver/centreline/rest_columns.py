@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.centreline.noise import Noise
-from solver.centreline.profile import Profile, Section, profile
+from solver.centreline.profile import Profile, Section, own_light, profile
 from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.smooth import REST_DEGREE, curve
 from solver.centreline.stations import Stations
@@ -22,7 +22,8 @@ class RestColumns:
     """Rest images, and the stations where the beam crosses their columns.
 
     `polarity` is 1 for a beam brighter than its background and -1 for a darker one; `radius` [px]
-    is the rig's. Another line is farther than `clear` pixels from the beam.
+    is the rig's. Another line is farther than `clear` pixels from the beam. Sections are those of
+    the beam's `own_light`, or of its contrast with the ground.
     """
 
     images: Sequence[Grey]
@@ -32,6 +33,7 @@ class RestColumns:
     radius: float
     full_scale: int
     clear: float = math.inf
+    own_light: bool = False
 
     @property
     def in_part(self) -> bool:
@@ -45,7 +47,8 @@ class RestColumns:
 
     def table(self, section: Section) -> Profile:
         """Tabulate a section's profiles along the beam at rest."""
-        return profile(section, float(self.places.length[-1]))
+        tabulate = own_light if self.own_light else profile
+        return tabulate(section, float(self.places.length[-1]))
 
     def fits(self, table: Profile, half: int, known: KnownGround | None = None) -> list[Fits]:
         """Fit a profile to every image, on `half` pixels on either side of the beam."""
@@ -62,12 +65,18 @@ class RestColumns:
         each = [self.places.sense * (f.centre - self.places.start) for f in fits]
         return np.asarray(np.mean(each, axis=0))
 
-    def like_the_beam(self, fits: list[Fits]) -> Mask:
-        """Mark the columns (n,) that have the beam's polarity and typical amplitude."""
+    def like_the_beam(self, fits: list[Fits], section: Section) -> Mask:
+        """Mark the columns (n,) that have the beam's polarity and typical amplitude.
+
+        Of the beam's own light, it is the typical one less that of the ground.
+        """
         good = np.all([np.isfinite(f.sigma) & (f.amplitude * self.polarity > 0) for f in fits], 0)
-        typical = np.median([np.median(f.amplitude[good]) for f in fits]) if good.any() else 0.0
+        width = 2 * section.radius if self.own_light else 0.0
+        light = [np.median((f.amplitude + width * f.background)[good]) for f in fits if good.any()]
+        typical = np.median(light) if light else 0.0
         for f in fits:
-            good &= np.abs(f.amplitude - typical) < 0.6 * abs(typical)
+            expected = typical - width * f.background
+            good &= np.abs(f.amplitude - expected) < 0.6 * np.abs(expected)
         return np.asarray(good)
 
     def smooth(self, centre: Floats, good: Mask) -> Floats:
@@ -82,7 +91,7 @@ class RestColumns:
 
     def shape_of_fits(self, section: Section, table: Profile, fits: list[Fits]) -> "Shape":
         """Measure what fits to every image leave of the beam's columns. Raises InputError."""
-        centre, good = self.off_path(fits), self.like_the_beam(fits)
+        centre, good = self.off_path(fits), self.like_the_beam(fits, section)
         return shape_of(section, table, fits, centre, good, self.smooth(centre, good))
 
 

@@ -4,7 +4,8 @@ In a single column the ground under the beam looks like a part of the beam, and 
 follows it. Here centre and amplitude are smooth along the beam, so that the ground averages out.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.optimize import least_squares
 
 from solver.centreline.effective_profile import course_basis
 from solver.centreline.ground import Ground
-from solver.centreline.profile import Section, interpolated, profile
+from solver.centreline.profile import MAX_OWN_SKEW, Section, interpolated, own_light
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats
 
@@ -38,11 +39,6 @@ class GroundErrors(NamedTuple):
 NO_GROUND_ERRORS: Final = GroundErrors(0.0, 0.0)
 
 
-def silhouette(section: Section) -> Section:
-    """Return the section of a beam with an even brightness: its image is what the beam hides."""
-    return replace(section, roundness=0.0, skew=0.0)
-
-
 class BeamOnGround(NamedTuple):
     """The beam's section, and its amplitude [gray px] and distance from the path [px], each (n,).
 
@@ -56,13 +52,20 @@ class BeamOnGround(NamedTuple):
     ground_errors: GroundErrors = NO_GROUND_ERRORS
 
 
+class _Beam(NamedTuple):
+    """Profile (n, m) [1/px] of the beam's light, share of a pixel that it hides, and its slope."""
+
+    light: Floats
+    cover: Floats
+    steep: Floats
+
+
 @dataclass(frozen=True)
 class _Model:
     """Pixels of n columns across the beam, and what they show of beam and ground.
 
     `gray` (n, m), its `sigma`, the `unseen` ground and its `slope` [gray/px] along the path's
     normal are those at `distance` (n, m) [px] from the path; `climb` (n,) is that of the columns.
-    The ground is `bare` where images without the beam show it.
     """
 
     gray: Floats
@@ -72,29 +75,24 @@ class _Model:
     distance: Floats
     climb: Floats
     level: float
-    bare: bool
 
-    def hidden(self, section: Section, centre: Floats) -> tuple[Floats, Floats]:
-        """Compute the share (n, m) of a pixel that the beam hides, and its slope [1/px]."""
-        even, off_axis = profile(silhouette(section)), self.distance - centre[:, None]
-        width = 2 * section.radius
-        return (
-            width * interpolated(even.value[0], self.climb, off_axis),
-            width * interpolated(even.slope[0], self.climb, off_axis),
+    def beam(self, section: Section, centre: Floats) -> "_Beam":
+        """Read the section's tables at all pixels."""
+        table, off_axis = own_light(section), self.distance - centre[:, None]
+        even, width = table.cover, 2 * section.radius
+        assert even is not None
+        return _Beam(
+            light=interpolated(table.value[0], self.climb, off_axis),
+            cover=width * interpolated(even.value[0], self.climb, off_axis),
+            steep=width * interpolated(even.slope[0], self.climb, off_axis),
         )
 
     def deviation(self, section: Section, centre: Floats, amplitude: Floats) -> Floats:
         """Compute the deviation (n, m) from the model; the amplitude is in units of the level."""
-        off_axis = self.distance - centre[:, None]
-        shape = interpolated(profile(section).value[0], self.climb, off_axis)
-        if self.bare:
-            # Of a pixel that the beam hides in part, one side is seen: see `profile_fit`.
-            cover, steep = self.hidden(section, centre)
-            model = (self.unseen - self.slope * steep * cover / 2) * (1 - cover)
-        else:
-            cover = np.clip(2 * section.radius * shape, 0, 1)
-            model = self.unseen + cover * (self.level - self.unseen)
-        model += self.level * amplitude[:, None] * shape
+        beam = self.beam(section, centre)
+        # Of a pixel that the beam hides in part, one side is seen: see `profile_fit`.
+        model = (self.unseen - self.slope * beam.steep * beam.cover / 2) * (1 - beam.cover)
+        model += self.level * amplitude[:, None] * beam.light
         return np.asarray((self.gray - model) / self.sigma)
 
     def by_centre(self, section: Section, centre: Floats, amplitude: Floats) -> Floats:
@@ -127,7 +125,6 @@ def section_on_ground(
         distance=columns.offset(half),
         climb=np.abs(columns.climb),
         level=ground.level,
-        bare=ground.bare_images > 0,
     )
     basis = course_basis(columns.length, columns.length)
     terms = basis.shape[1]
@@ -138,14 +135,19 @@ def section_on_ground(
             radius * float(np.exp(np.clip(scale, -1, 1))),
             float(np.clip(abs(spread), 0, 4)),
             float(np.clip(abs(roundness), 0, 4)),
-            float(np.clip(skew, -0.9, 0.9)),
+            float(np.clip(skew, -MAX_OWN_SKEW, MAX_OWN_SKEW)),
         )
 
     def course(p: Floats) -> tuple[Floats, Floats]:
         return basis @ p[4 : 4 + terms], basis @ p[4 + terms :]
 
+    # Columns on one grain of the ground count as one, and so do their pixels, for the width: it is
+    # known best, and a shadow on the ground looks like the flanks of a wider beam.
+    prior_sigmas = SIGMAS / math.sqrt(ground.grain.along)
+    prior_sigmas[0] /= math.sqrt(ground.grain.across)
+
     def residuals(p: Floats) -> Floats:
-        prior = (p[:4] - EXPECTED) / SIGMAS
+        prior = (p[:4] - EXPECTED) / prior_sigmas
         return np.concatenate([model.deviation(section(p), *course(p)).ravel(), prior])
 
     def jacobian(p: Floats) -> Floats:
@@ -163,7 +165,7 @@ def section_on_ground(
         result[:-4, :4] = np.stack(by_section, axis=-1).reshape(-1, 4)
         result[:-4, 4 : 4 + terms] = (by_centre[..., None] * basis[:, None]).reshape(-1, terms)
         result[:-4, 4 + terms :] = (by_amplitude[..., None] * basis[:, None]).reshape(-1, terms)
-        result[-4:, :4] = np.diag(1 / SIGMAS)
+        result[-4:, :4] = np.diag(1 / prior_sigmas)
         return result
 
     total = (gray - unseen).sum(axis=1) / ground.level
@@ -171,7 +173,7 @@ def section_on_ground(
     for spread in STARTS:
         start = np.zeros(4 + 2 * terms)
         start[:4] = 0.0, spread, 1.0, 0.0
-        start[4 + terms] = np.median(total) + (2 * radius if model.bare else 0.0)
+        start[4 + terms] = np.median(total) + 2 * radius
         fits.append(
             least_squares(
                 residuals,
@@ -186,11 +188,9 @@ def section_on_ground(
     p = min(fits, key=lambda fit: float(fit.cost)).x
     everywhere = course_basis(places.length, columns.length)
     amplitude, off_path = everywhere @ p[4 + terms :], everywhere @ p[4 : 4 + terms]
-    if not model.bare:
-        return BeamOnGround(section(p), ground.level * amplitude, off_path)
-    # The contrast with the ground's level, as before other grounds.
+    # The contrast with the ground's level.
     amplitude -= 2 * section(p).radius
-    cover, _ = model.hidden(section(p), course(p)[0])
+    cover = model.beam(section(p), course(p)[0]).cover
     seen = (1 - cover) ** 2
     of_fine = seen * cover**2 * ground.fine
     of_ground = seen * ground.variance[pixels] + of_fine
@@ -205,5 +205,5 @@ def section_on_ground(
         (weight[shown] ** 2 * part[shown]).sum(axis=1) for part in (of_mean, of_ground, of_fine)
     )
     whole, fine = float(np.median(by_ground / by_noise)), float(np.median(by_fine / by_noise))
-    errors = GroundErrors(whole, fine * ground.fine_in_common)
+    errors = GroundErrors(whole, (fine if ground.bare_images else whole) * ground.in_common)
     return BeamOnGround(section(p), ground.level * amplitude, off_path, errors)

@@ -1,13 +1,14 @@
 """Search for the section whose profile leaves the smoothest centres and the smallest residuals."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
-from solver.centreline.profile import Section
-from solver.centreline.rest_columns import RestColumns
+from solver.centreline.profile import MAX_OWN_SKEW, MAX_SKEW, Section
+from solver.centreline.rest_columns import RestColumns, Shape
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 
@@ -55,6 +56,12 @@ IN_PART = UNIFORM._replace(trials=90)
 TRIED_TAPER, MIN_GAIN = 0.1, 10.8
 # Sections whose costs differ by less explain the images alike. Derived: three sigmas.
 _EQUAL_COST = 9.0
+# Range of the weight of the beam's own light in its contrast, from which grounds differ. Chosen:
+# with the skew of SKEW_SIGMA, 0.1 moves a place by a hundredth of the radius.
+_MIN_WEIGHTS = 0.1
+# A profile of the beam's own light is the better one if it shows this many times the columns that
+# those of the contrast show. Chosen: of a beam before stripes, the latter show half.
+_MORE_SHOWN = 1.1
 # What a section that describes nothing costs.
 _NOTHING = 1e12
 
@@ -75,35 +82,92 @@ def find_sections(rest: RestColumns) -> list[Section]:
     if misfit > THRESHOLDS.processed_misfit:
         # The noise of processed images is no reference: misfits are scaled by that of the first.
         found = [_best(rest, (*STARTS, *PROCESSED_STARTS), misfit)]
-    return [section for p in found if (section := _section(p, rest.radius)) is not None]
+    return [section for p in found if (section := _section(p, rest)) is not None]
 
 
-def _section(p: Floats, radius: float) -> Section | None:
-    """Return the section with these parameters (5,) and the rig's radius [px]; None if absurd."""
+def find_in_own_light(rest: RestColumns, shapes: Sequence[Shape]) -> list[Section]:
+    """Find sections of the beam's own light, from the `shapes` of its contrast with the ground.
+
+    A contrast has the same section in all columns only where the ground is everywhere alike. The
+    best one is first; there are none where the grounds are alike, or where the sections of the
+    contrast explain the images as well, in as many columns.
+    """
+    weights = [_own_weights(shape, rest.polarity) for shape in shapes]
+    if not any(np.ptp(np.percentile(w, (10, 90))) > _MIN_WEIGHTS for w in weights if len(w)):
+        return []
+    own = replace(rest, own_light=True)
+    criterion = _Criterion(1.0, max(rest.half_width(shape.section) for shape in shapes))
+    search = IN_PART if rest.in_part else UNIFORM
+    contrasts, found = [], []
+    for shape, weight in zip(shapes, weights, strict=True):
+        one, typical = shape.section, float(np.median(weight)) if len(weight) else 1.0
+        p = np.array([one.radius / rest.radius, one.spread, one.roundness, one.skew, one.taper])
+        contrasts.append(_judge(rest, p, criterion))
+        # Of the contrast, the beam's own shading is a larger part than of its light.
+        p[2:4] /= max(typical, 1.0)
+        found.append(_search(own, p, search, criterion))
+    judged = [_judge(own, p, criterion) for p in found]
+    costs = np.array([one.cost for one in judged])
+    at_most = costs.min() + _EQUAL_COST
+    shown = max(one.shown for one in contrasts)
+    if max(one.shown for one in judged) < _MORE_SHOWN * shown:
+        at_most = min(at_most, min(one.cost for one in contrasts) - _EQUAL_COST)
+    best = [found[k] for k in np.argsort(costs) if costs[k] < at_most]
+    return [section for p in best if (section := _section(p, own)) is not None]
+
+
+def _own_weights(shape: Shape, polarity: int) -> Floats:
+    """Compute the weight (n,) of the beam's own light in its contrast, in columns that show it.
+
+    Before another ground, columns need not look like the others.
+    """
+    amplitude, sigma, ground = (
+        np.mean([getattr(f, name) for f in shape.fits], axis=0)
+        for name in ("amplitude", "amplitude_sigma", "background")
+    )
+    shown = polarity * amplitude > THRESHOLDS.amplitude_sigmas * sigma
+    return np.asarray(1 + 2 * shape.section.radius * ground[shown] / amplitude[shown])
+
+
+def _section(p: Floats, rest: RestColumns) -> Section | None:
+    """Return the section with these parameters (5,) and the rig's radius; None if absurd."""
     scale, spread, roundness, skew, taper = (float(v) for v in p)
     # The mirror image of a negative spread or roundness: a wall would end a search beside it.
     spread, roundness = abs(spread), abs(roundness)
     possible = 0.4 < scale < 2.5 and spread <= 4 and roundness <= 4
-    if not (possible and abs(skew) < 0.9 and abs(taper) < 1.9):
+    max_skew = MAX_OWN_SKEW if rest.own_light else MAX_SKEW
+    if not (possible and abs(skew) < max_skew and abs(taper) < 1.9):
         return None
-    return Section(scale * radius, spread, roundness, skew, taper)
+    return Section(scale * rest.radius, spread, roundness, skew, taper)
+
+
+class _Judged(NamedTuple):
+    """Cost of parameters, and the number of columns that their section shows."""
+
+    cost: float
+    shown: int
 
 
 def _cost(rest: RestColumns, p: Floats, criterion: _Criterion) -> float:
+    """Compute the cost of parameters (5,)."""
+    return _judge(rest, p, criterion).cost
+
+
+def _judge(rest: RestColumns, p: Floats, criterion: _Criterion) -> _Judged:
     """Compute roughness and misfit of parameters (5,), and what their prior adds.
 
     A column that a section does not show costs as much as the mean of the others: a section is not
     better because it shows fewer of them.
     """
-    section = _section(p, rest.radius)
+    section = _section(p, rest)
     if section is None:
-        return _NOTHING
+        return _Judged(_NOTHING, 0)
     misfit_unit = criterion.misfit_unit
     fits = rest.fits(rest.table(section), criterion.half)
-    centre, good = rest.off_path(fits), rest.like_the_beam(fits)
-    shown = np.count_nonzero(good)
+    centre, good = rest.off_path(fits), rest.like_the_beam(fits, section)
+    shown = int(np.count_nonzero(good))
     if shown < THRESHOLDS.min_stations:
-        return _NOTHING
+        return _Judged(_NOTHING, shown)
     residual = centre - rest.smooth(centre, good)
     sigma = np.median([f.sigma[good] for f in fits], axis=0) / np.sqrt(len(fits))
     # The Cauchy loss limits the influence of an object at a few columns, and keeps a gradient for
@@ -112,7 +176,7 @@ def _cost(rest: RestColumns, p: Floats, criterion: _Criterion) -> float:
     misfit = sum(np.log1p(f.chi2[good] / f.dof[good] / misfit_unit / 9).sum() * 36 for f in fits)
     width = np.log1p((np.log(p[0]) / WIDTH_SIGMA) ** 2)
     prior = width + ((abs(p[2]) - ROUNDNESS) / ROUNDNESS_SIGMA) ** 2 + (p[3] / SKEW_SIGMA) ** 2
-    return float((roughness + misfit) * len(good) / shown + prior)
+    return _Judged(float((roughness + misfit) * len(good) / shown + prior), shown)
 
 
 def _best(rest: RestColumns, starts: Sequence[tuple[float, ...]], misfit_unit: float) -> Floats:
@@ -133,7 +197,7 @@ def _best(rest: RestColumns, starts: Sequence[tuple[float, ...]], misfit_unit: f
 
 def _half(rest: RestColumns, p: Floats) -> int:
     """Return the pixels on either side that parameters (5,) need; 0 if they are absurd."""
-    section = _section(p, rest.radius)
+    section = _section(p, rest)
     return 0 if section is None else rest.half_width(section)
 
 
@@ -173,7 +237,7 @@ def _promises_taper(rest: RestColumns, p: Floats, criterion: _Criterion) -> bool
 
 def _misfit(rest: RestColumns, p: Floats) -> float:
     """Compute the median chi^2 per degree of freedom of a section's fits; at least 1."""
-    section = _section(p, rest.radius)
+    section = _section(p, rest)
     fits = [] if section is None else rest.fits(rest.table(section), rest.half_width(section))
     misfits = [f.chi2 / np.maximum(f.dof, 1) for f in fits if np.isfinite(f.sigma).any()]
     return max(1.0, float(np.median(misfits))) if misfits else 1.0

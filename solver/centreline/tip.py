@@ -74,12 +74,13 @@ def find_tip(
     climb, level = _fit_line(places.along[recent], fits.centre[recent])
     ahead = places.take(slice(first, end))
     centre = np.asarray(climb * ahead.along + level, dtype=np.float64)
-    amplitude, variance, background = _fit_amplitudes(
-        image, ahead, centre, look.profile, look.noise, look.half, look.full_scale
-    )
-    misfit = fits.chi2[first:end] / np.maximum(fits.dof[first:end], 1) / look.misfit
     ground = fits.background[reference]
     light = _light(fits.amplitude[reference], fits.amplitude_sigma[reference], ground)
+    table = look.before(light.amplitude, light.background)
+    amplitude, variance, background = _fit_amplitudes(
+        image, ahead, centre, table, look.noise, look.half, look.full_scale
+    )
+    misfit = fits.chi2[first:end] / np.maximum(fits.dof[first:end], 1) / look.misfit
     covered, variance = _covered_columns(
         amplitude, variance, background, misfit, last + 1 - first, fade, light, float(ground.std())
     )
@@ -91,7 +92,7 @@ def find_tip(
     upright = bool(places.upright[last])
     line = StraightBeam(climb, level, forward, upright)
     if not (look.is_sampled or look.faces):
-        end_shown = _end(look, guide, line, along, places.take(last))
+        end_shown = _end(look, table, guide, line, along, places.take(last))
         fit = fit_end(image, line, end_shown, along, light, look.noise, look.full_scale)
         if fit.variance == np.inf:
             return None
@@ -120,11 +121,16 @@ def _light(amplitude: Floats, sigma: Floats, background: Floats) -> Light:
 
 
 def _end(
-    look: Appearance, guide: Guide, line: StraightBeam, along: float, last: Stations
+    look: Appearance,
+    profile: Profile,
+    guide: Guide,
+    line: StraightBeam,
+    along: float,
+    last: Stations,
 ) -> BeamEnd:
     """Describe the end of a beam in plane C, whose `last` station is near a place `along`."""
-    table = nearest_table(look.profile, float(last.length))
-    brightness, radius = look.profile.brightness[table], float(look.profile.radius[table])
+    table = nearest_table(profile, float(last.length))
+    brightness, radius = profile.brightness[table], float(profile.radius[table])
     pixels = line.pixels(np.array([along - line.forward, along]))
     in_plane = np.column_stack([guide.places(pixels), np.zeros(2)])
     before, tip = apply(guide.antenna_from_beam, in_plane)

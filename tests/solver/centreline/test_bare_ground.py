@@ -148,13 +148,14 @@ def test_a_known_ground_makes_the_points_accurate() -> None:
     assert np.median(over_interpolated) < 0.7
 
 
-def test_what_the_beam_hides_is_its_silhouette() -> None:
-    """A shaded beam hides as much with its dark flanks as with its bright middle."""
+def test_a_beam_hides_as_much_with_its_flanks_as_with_its_middle() -> None:
+    """Of a shaded beam, the flanks are dark and the middle is bright."""
     look = learned(0, bare(0)).appearance
-    assert look.silhouette is not None
+    cover = look.profile.cover
+    assert cover is not None
     assert abs(look.section.radius / LOOK.radius_px - 1) < 0.06
-    half = look.silhouette.value.shape[-1] // 2
-    assert look.silhouette.value[0, 0, half] < look.profile.value[0, 0, half]
+    half = cover.value.shape[-1] // 2
+    assert cover.value[0, 0, half] < look.profile.value[0, 0, half]
     # A smooth ground is known under the beam as well.
     assert look.ground_at_rest is not None
     error = look.ground_at_rest.gray - 255 * felt(0)
@@ -186,7 +187,7 @@ def test_grain_along_the_beam_has_errors_in_common() -> None:
         assert ground is not None
         assert ground.bare_images == N_IMAGES
         assert ground.fine > 0
-        shares.append(ground.fine_in_common)
+        shares.append(ground.in_common)
     # Over 16 pixels, errors that are 30 px long do not average out.
     assert 0 <= shares[0] < 0.2
     assert 0.5 < shares[1] <= 1

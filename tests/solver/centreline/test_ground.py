@@ -163,3 +163,21 @@ def test_an_object_before_the_ground_costs_few_points(random: np.random.Generato
     inside = (line.points[:, 0] > 183) & (line.points[:, 0] < 226)
     assert np.count_nonzero(inside) > 30
     assert np.abs(errors(line, pixels)[inside]).max() < 0.3
+
+
+def test_an_interpolated_ground_is_uncertain_where_its_two_sides_differ() -> None:
+    """Within a square it is known as well as its pixels; at an edge it may be either square."""
+    row, column = np.mgrid[:HEIGHT, :WIDTH]
+    ground = np.where(((row + column) // 40 + (row - column) // 40) % 2, 0.1, 0.3)
+    random, path = generator(__name__, 3), guide().pixels(bent(0.0, tilt=TILT))
+    images = [SENSOR(ground, random) for _ in range(N_REST)]
+    found = learn_ground(images, path, 1.5, estimate_noise(images), 5)
+    assert found is not None
+    u, v = np.rint(path[100:-100:10]).astype(int).T
+    differ = ground[v - 3, u] != ground[v + 3, u]
+    assert min(np.count_nonzero(differ), np.count_nonzero(~differ)) > 30
+    sigma = np.sqrt(found.variance[v, u])
+    assert np.median(sigma[~differ]) < 0.3 * np.median(sigma[differ])
+    error = np.abs(found.gray[v, u] - 255 * ground[v, u])
+    # An edge that begins and ends within the band is between alike sides.
+    assert (error < 3 * sigma + 1).mean() > 0.95
