@@ -86,10 +86,9 @@ class Appearance:
     that of the images, not that of the section; one that is `in_part` was seen at some places
     between the pixels only. `second_line` describes a line beside the beam, "" if there is none,
     and `second_line_sigma_px` is that of the error by which it moves all of the beam. `faces` are
-    those of a flat strip that shows two.
-    `grid_period` [px] is that of the grid on which the images were processed, 0 for raw ones.
-    Before grounds that differ, `own_light` [gray px] is given along `length`, and the profile is
-    that of this light; None before others.
+    those of a flat strip that shows two. `grid_period` [px] is that of the grid on which the images
+    were processed, 0 for raw ones. Before grounds that differ, `own_light` [gray px] is given along
+    `length`, and the profile is that of this light; None before others.
     """
 
     polarity: int
@@ -137,11 +136,12 @@ class Appearance:
         `length` (n,) [px] are the places of the fits. The beam's own light has changed by one
         factor everywhere.
         """
-        if self.own_light is None:
+        shown = np.isfinite(fits.sigma)
+        if self.own_light is None or not shown.any():
             return self.amplitudes(length)
         hidden = 2 * self.section.radius * fits.background
         at_rest = np.interp(length, self.length, self.own_light)
-        gain = np.median(fits.amplitude + hidden) / np.median(at_rest)
+        gain = np.median((fits.amplitude + hidden)[shown]) / np.median(at_rest[shown])
         return np.asarray(gain * at_rest - hidden)
 
     @property

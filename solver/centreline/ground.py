@@ -255,7 +255,7 @@ def _in_common(errors: Sequence[Floats], variance: float) -> float:
     lags = np.arange(1, LAG)
     products = [
         sum(float((error[:, :-lag] * error[:, lag:]).sum()) for error in errors)
-        / sum(error[:, lag:].size for error in errors)
+        / max(sum(error[:, lag:].size for error in errors), 1)
         for lag in lags
     ]
     in_common = 2 * float((LAG - lags) @ products) / (LAG**2 * variance)

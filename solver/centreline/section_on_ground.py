@@ -42,8 +42,7 @@ NO_GROUND_ERRORS: Final = GroundErrors(0.0, 0.0)
 class BeamOnGround(NamedTuple):
     """The beam's section, and its amplitude [gray px] and distance from the path [px], each (n,).
 
-    Distances are along the path's normal. `ground_errors` are those by a ground that images
-    without the beam show.
+    Distances are along the path's normal. `ground_errors` are those by the ground.
     """
 
     section: Section
@@ -76,7 +75,7 @@ class _Model:
     climb: Floats
     level: float
 
-    def beam(self, section: Section, centre: Floats) -> "_Beam":
+    def beam(self, section: Section, centre: Floats) -> _Beam:
         """Read the section's tables at all pixels."""
         table, off_axis = own_light(section), self.distance - centre[:, None]
         even, width = table.cover, 2 * section.radius
