@@ -57,7 +57,7 @@ def before_plain() -> BeamExtractor:
 
 
 def test_places_do_not_depend_on_the_ground() -> None:
-    """A profile of the contrast moves them by 0.2 px from one stripe to the next."""
+    """Light from one side counts for more in the contrast with the bright stripes."""
     extract = before_stripes()
     assert extract.appearance.own_light is not None
     for theta in (0.0, 0.1, 0.2):
@@ -99,7 +99,7 @@ def middle(table: Profile) -> float:
     return float(value @ (np.arange(len(value)) - len(value) // 2))
 
 
-def test_a_brightness_of_the_lamp_is_not_one_of_the_beam() -> None:
+def test_a_brighter_lamp_costs_no_columns() -> None:
     """With all light 1.1 times as bright, the beam is as bright everywhere, before both grounds."""
     extract = before_stripes()
     image = np.clip(np.rint(1.1 * taken(0.1, stripes(), 3)[0].astype(float)), 0, 255)
