@@ -41,9 +41,9 @@ class Section:
     """How the beam's section appears: `radius` [px], Gaussian `spread` [px], and its shading.
 
     `roundness` is the power of the chord, 0 for an even band; `skew` tilts the brightness across
-    the section, up to MAX_SKEW, positive where the side of larger pixel coordinates is brighter.
-    `taper` is the difference of the radii at the tip and at the clamp, over `radius`, which is that
-    in the middle.
+    the section, up to MAX_SKEW, or MAX_OWN_SKEW of its own light, positive where the side of larger
+    pixel coordinates is brighter. `taper` is the difference of the radii at the tip and at the
+    clamp, over `radius`, which is that in the middle.
     """
 
     radius: float
