@@ -183,7 +183,14 @@ def shading_weight(amplitude: float, radius: float, ground: float) -> float:
     return (contrast + ground) / contrast
 
 
-def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
+class Learned(NamedTuple):
+    """What the rest images show: the beam's `appearance`, and the `guide` turned to the beam."""
+
+    appearance: Appearance
+    guide: Guide
+
+
+def learn_appearance(images: Sequence[Grey], guide: Guide) -> Learned:
     """Learn the beam's appearance, and turn the guide to the beam's direction at rest.
 
     Raises InputError where no beam is found along the rig's x axis.
@@ -247,10 +254,10 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     )
     guide = replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
     if bare is None:
-        return look, guide
+        return Learned(look, guide)
     # The images of the ground are kept once: `ground_at_rest` has what is used of them.
     look = replace(look, bare_ground=bare._replace(ground=None))
-    return look, replace(guide, bare_ground=None)
+    return Learned(look, replace(guide, bare_ground=None))
 
 
 def _find_line(mean: Floats, guide: Guide, ground: BareGround | None) -> RestDetection:
@@ -378,25 +385,21 @@ def _along_the_beam(rest: RestColumns, path: Floats) -> _Described:
     """
     sampled, table = _sampled(rest), None
     if sampled is not None:
-        rest, path = _beside(rest, path, sampled.off_path)
+        path = _moved(path, rest.places, sampled.off_path)
+        rest = rest.along(path)
         table = None if rest.in_part else sampled.table
     shapes = _shapes(rest)
     if shapes and shapes[0].misfit <= THRESHOLDS.max_section_misfit:
         course = rest.smooth(shapes[0].centre, shapes[0].good)
         if np.abs(course).max() > FAR_PX:
-            rest, path = _beside(rest, path, course)
+            path = _moved(path, rest.places, course)
+            rest = rest.along(path)
             shapes = _shapes(rest)
     own = replace(rest, own_light=True)
     in_own_light = _shapes_of(find_in_own_light(rest, shapes), own) if shapes else []
     if in_own_light and in_own_light[0].misfit <= THRESHOLDS.max_section_misfit:
         rest, shapes = own, in_own_light
     return _Described(rest, path, shapes, table)
-
-
-def _beside(rest: RestColumns, path: Floats, off_path: Floats) -> tuple[RestColumns, Floats]:
-    """Move the path (m, 2) [px], and with it the columns, by `off_path` (n,) along its normal."""
-    path = _moved(path, rest.places, rest.places.sense * off_path)
-    return replace(rest, places=stations(path, rest.images[0].shape)), path
 
 
 def _shapes(rest: RestColumns) -> list[Shape]:
@@ -420,7 +423,7 @@ def _look_before(
     section, off_path = start.section, rest.places.sense * start.off_path
     # With the beam's own width, less of the ground is unknown.
     reach, half = section.radius + 2.5 * section.spread + 0.5, rest.half_width(section)
-    moved = _moved(beam, rest.places, off_path)
+    moved = _moved(beam, rest.places, start.off_path)
     if not ground.bare_images:
         ground = learn_ground(rest.images, moved, reach, rest.noise, half) or ground
     rest = replace(rest, places=rest.places._replace(start=rest.places.start + off_path))
@@ -454,11 +457,12 @@ def _to_the_tip(places: Floats, guide: Guide) -> Floats:
 
 
 def _moved(beam: Floats, places: Stations, off_path: Floats) -> Floats:
-    """Move a path (m, 2) [px] with its stations, by `off_path` (n,) across their columns."""
+    """Move a path (m, 2) [px] with its n stations, by `off_path` (n,) along its normal."""
     upright = 2 * np.count_nonzero(places.upright) >= places.size
     used = places.upright == upright
     order = np.argsort(places.along[used])
     axis = 0 if upright else 1
+    across = (places.sense * off_path)[used][order]
     moved = np.array(beam)
-    moved[:, 1 - axis] += np.interp(beam[:, axis], places.along[used][order], off_path[used][order])
+    moved[:, 1 - axis] += np.interp(beam[:, axis], places.along[used][order], across)
     return moved

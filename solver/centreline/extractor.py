@@ -318,5 +318,5 @@ def _select(
 
 def learn_profile_fit(images: Sequence[Grey], guide: Guide) -> BeamExtractor:
     """Learn the beam from images (height, width) of it at rest. Raises InputError."""
-    appearance, turned = learn_appearance(images, guide)
-    return BeamExtractor(appearance, turned)
+    learned = learn_appearance(images, guide)
+    return BeamExtractor(learned.appearance, learned.guide)

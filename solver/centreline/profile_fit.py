@@ -130,9 +130,9 @@ def _fit(
     half: int,
     full_scale: int,
     known: KnownGround | None,
-    hidden: Profile | None,
+    covers: Profile | None,
 ) -> Fits:
-    """Fit all stations, all before the known ground or none, and all with what is `hidden` or not.
+    """Fit all stations: all before the known ground or none, and all with a cover or none.
 
     Each of the three cases is compiled on its own.
     """
@@ -148,8 +148,8 @@ def _fit(
         if read_column(image, line, upright, first, gray):
             table = nearest_table(profile, places.length[i])
             behind, cover, width = None, None, 2 * profile.radius[table]
-            if hidden is not None:
-                cover = _Cover(hidden.value[table], hidden.slope[table])
+            if covers is not None:
+                cover = _Cover(covers.value[table], covers.slope[table])
             if known is not None:
                 ground = known.ground
                 for k in range(size):
@@ -161,7 +161,7 @@ def _fit(
                     pattern, variance, ground.fine / ground.level**2, ground.level,
                     width, amplitude, (AMPLITUDE_SIGMA * amplitude) ** -2,
                 )  # fmt: skip
-            elif hidden is not None:
+            elif covers is not None:
                 # An even ground of unknown level, in units of which the amplitude begins.
                 level = max((gray[0] + gray[-1]) / 2, 1.0)
                 amplitude = gray.sum() / level - size + width
@@ -281,8 +281,8 @@ def _expect(
         if behind is not None:
             share = behind.width * covered[k]
             u = _beside(behind.pattern, k, share, sense * behind.width * steepness[k])
-            hidden = share * share * behind.fine
-            unknown[k] = ((b + s * x) * (1.0 - share)) ** 2 * (behind.variance[k] + hidden)
+            within_pixel = share * share * behind.fine
+            unknown[k] = ((b + s * x) * (1.0 - share)) ** 2 * (behind.variance[k] + within_pixel)
         profile[k] = max(a * p + b * u + s * x * u, 0.0)
 
 

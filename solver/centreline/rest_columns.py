@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from solver.centreline.noise import Noise
 from solver.centreline.profile import Profile, Section, own_light, profile
 from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.smooth import REST_DEGREE, curve
-from solver.centreline.stations import Stations
+from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
@@ -39,6 +39,10 @@ class RestColumns:
     def in_part(self) -> bool:
         """Whether the images show the profile at some places between the pixels only."""
         return bool(np.ptp(self.places.start) <= 1)
+
+    def along(self, path: Floats) -> "RestColumns":
+        """Read the images along another path (m, 2) [px]."""
+        return replace(self, places=stations(path, self.images[0].shape))
 
     def half_width(self, section: Section) -> int:
         """Return the pixels on either side that show the section, a margin, and no other line."""
