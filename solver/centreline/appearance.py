@@ -16,6 +16,7 @@ from solver.centreline.effective_profile import (
     effective_profile,
     read_columns,
 )
+from solver.centreline.flags import Expected
 from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise, mean_image
@@ -37,7 +38,7 @@ from solver.centreline.section_on_ground import (
     GroundErrors,
     section_on_ground,
 )
-from solver.centreline.section_search import find_in_own_light, find_sections
+from solver.centreline.section_search import MORE_SHOWN, find_in_own_light, find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.two_faces import Faces, Strip, fit_faces, learn_faces
@@ -56,6 +57,9 @@ TIP_MARGIN = 0.01
 # Largest distance [px] of the beam from the path along which its section is searched for. Chosen:
 # from 0.6 px on, fits of a sharp profile to a beam of one pixel ended at wrong places.
 FAR_PX = 0.3
+# Least light of a beam, over that of the ground that it hides, to which a change of its light is
+# compared. Chosen: a black beam reflects a twentieth.
+MIN_LIGHT = 0.2
 
 
 class _Described(NamedTuple):
@@ -130,19 +134,27 @@ class Appearance:
         """Return the amplitudes (n,) at rest at n places along the path [px]."""
         return np.interp(length, self.length, self.amplitude)
 
-    def expected(self, length: Floats, fits: Fits) -> Floats:
+    def expected(self, length: Floats, fits: Fits, knows_ground: bool) -> Expected:
         """Compute the amplitudes (n,) that the beam at rest has before the ground of an image.
 
         `length` (n,) [px] are the places of the fits. The beam's own light has changed by one
-        factor everywhere.
+        factor everywhere. A beam that is as bright as the mean of a ground is seen by what it hides
+        of its structure, where the fit `knows_ground`.
         """
-        shown = np.isfinite(fits.sigma)
-        if self.own_light is None or not shown.any():
-            return self.amplitudes(length)
+        if self.own_light is None:
+            amplitude = self.amplitudes(length)
+            return Expected(amplitude, np.abs(amplitude), 0.0)
         hidden = 2 * self.section.radius * fits.background
-        at_rest = np.interp(length, self.length, self.own_light)
-        gain = np.median((fits.amplitude + hidden)[shown]) / np.median(at_rest[shown])
-        return np.asarray(gain * at_rest - hidden)
+        light = np.interp(length, self.length, self.own_light)
+        shown = np.isfinite(fits.sigma)
+        if shown.any():
+            now, before = (float(np.median(v[shown])) for v in (fits.amplitude + hidden, light))
+            # The light of a black beam is noise.
+            least = MIN_LIGHT * float(np.median(hidden[shown]))
+            light *= 1 + (now - before) / max(before, least, 1e-9)
+        amplitude = light - hidden
+        largest = self.section.resolution if knows_ground else 0.0
+        return Expected(amplitude, np.maximum(np.abs(amplitude), light), largest)
 
     @property
     def shading(self) -> float:
@@ -169,7 +181,7 @@ class Appearance:
 
     @cached_property
     def _amplitude(self) -> float:
-        return float(np.median(self.amplitude))
+        return self.polarity * float(np.median(np.abs(self.amplitude)))
 
 
 def shading_weight(amplitude: float, radius: float, ground: float) -> float:
@@ -233,7 +245,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> Learned:
         )
     else:
         moved_px = THRESHOLDS.overlap_sigma_px * overlap
-        described = _along_the_beam(rest, path)
+        described = _along_the_beam(rest, path, line.either_sign)
         path = described.path
         look = _look(described, stated, strip)
     x, y = guide.places(path).T
@@ -376,30 +388,66 @@ def _described_by(
     )
 
 
-def _along_the_beam(rest: RestColumns, path: Floats) -> _Described:
+def _along_the_beam(rest: RestColumns, path: Floats, either_sign: bool) -> _Described:
     """Describe the profile in the rest images along a path (m, 2) [px] that follows the beam.
 
-    Where the beam is far from the path, as at the thin end of a tapered one, sections are searched
-    for once more along the beam, and before grounds that differ in its own light. A section that
-    does not describe the beam does not know where it is, nor what of the ground it hides.
+    A beam whose contrast is of `either_sign` is described by its own light, and so are others
+    before grounds that differ. A section that does not describe the beam does not know what of the
+    ground it hides.
     """
+    if either_sign:
+        described = _searched(replace(rest, own_light=True), path)
+        if described.shapes:
+            return described
     sampled, table = _sampled(rest), None
     if sampled is not None:
         path = _moved(path, rest.places, sampled.off_path)
         rest = rest.along(path)
         table = None if rest.in_part else sampled.table
+    described = _searched(rest, path)
+    in_own_light = _in_own_light(described)
+    return in_own_light or described._replace(sampled=table)
+
+
+def _searched(rest: RestColumns, path: Floats) -> _Described:
+    """Search for sections, and where the beam is far from the path, once more along the beam.
+
+    It is so at the thin end of a tapered beam.
+    """
     shapes = _shapes(rest)
-    if shapes and shapes[0].misfit <= THRESHOLDS.max_section_misfit:
-        course = rest.smooth(shapes[0].centre, shapes[0].good)
-        if np.abs(course).max() > FAR_PX:
-            path = _moved(path, rest.places, course)
-            rest = rest.along(path)
-            shapes = _shapes(rest)
+    off_path = _off_path(rest, shapes)
+    if np.abs(off_path).max() > FAR_PX:
+        path = _moved(path, rest.places, off_path)
+        rest = rest.along(path)
+        shapes = _shapes(rest)
+    return _Described(rest, path, shapes, None)
+
+
+def _off_path(rest: RestColumns, shapes: Sequence[Shape]) -> Floats:
+    """Compute how far (n,) [px] the beam is from the path; 0 where no section describes it.
+
+    Beyond the columns that show the beam, it is as far as in the last one.
+    """
+    length = rest.places.length
+    if not shapes or shapes[0].misfit > THRESHOLDS.max_section_misfit:
+        return np.zeros(len(length))
+    good = shapes[0].good
+    return np.interp(length, length[good], rest.smooth(shapes[0].centre, good)[good])
+
+
+def _in_own_light(described: _Described) -> _Described | None:
+    """Describe the beam by its own light; None where its contrast describes it as well."""
+    rest, path, shapes, _ = described
+    found = find_in_own_light(rest, shapes) if shapes else []
     own = replace(rest, own_light=True)
-    in_own_light = _shapes_of(find_in_own_light(rest, shapes), own) if shapes else []
-    if in_own_light and in_own_light[0].misfit <= THRESHOLDS.max_section_misfit:
-        rest, shapes = own, in_own_light
-    return _Described(rest, path, shapes, table)
+    in_own_light = _shapes_of(found, own)
+    if not in_own_light:
+        return None
+    shown, before = (int(np.count_nonzero(one[0].good)) for one in (in_own_light, shapes))
+    describes = in_own_light[0].misfit <= THRESHOLDS.max_section_misfit
+    if not (describes or shown > MORE_SHOWN * before):
+        return None
+    return _Described(own, path, in_own_light, None)
 
 
 def _shapes(rest: RestColumns) -> list[Shape]:
@@ -430,7 +478,6 @@ def _look_before(
     table = own_light(section)
     fits = rest.fits(table, half, KnownGround(ground, start.amplitude))
     good = np.all([np.isfinite(f.sigma) for f in fits], axis=0)
-    good &= start.amplitude * rest.polarity > 0
     centre = rest.off_path(fits)
     shape = shape_of(section, table, fits, centre, good, course=np.zeros_like(centre))
     look = _described_by(
@@ -443,10 +490,12 @@ def _look_before(
         ground=ground.level,
         radius=radius,
     )
+    light = start.amplitude + 2 * section.radius * ground.level
     return replace(
         look,
         ground_at_rest=ground,
         ground_errors=start.ground_errors,
+        own_light=light[good] if look.knows_section else None,
     )
 
 

@@ -134,7 +134,7 @@ class BeamExtractor:
         look = self.appearance
         known = None if ground is None else KnownGround(ground, look.amplitudes(places.length))
         fits = look.fits(image, places, known)
-        expected = look.expected(places.length, fits)
+        expected = look.expected(places.length, fits, known is not None)
         compared = flag_columns(fits, expected, look.misfit, look.sigma_px, look.in_part)
         return Columns(fits, *compared)
 

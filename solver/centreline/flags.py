@@ -47,21 +47,33 @@ class Columns(NamedTuple):
     flags: npt.NDArray[np.uint8]
 
 
+class Expected(NamedTuple):
+    """Amplitudes (n,) of a beam that looks as at rest, and the `scale` (n,) of their changes.
+
+    Before a ground whose structure is known, a beam may be as bright as the ground's mean: columns
+    whose places are known to `max_sigma` [px], 0 before others, show it by what it hides.
+    """
+
+    amplitude: Floats
+    scale: Floats
+    max_sigma: float
+
+
 @njit
 def flag_columns(
-    fits: Fits, at_rest: Floats, misfit_at_rest: float, sigma_at_rest: float, in_part: bool
+    fits: Fits, expected: Expected, misfit_at_rest: float, sigma_at_rest: float, in_part: bool
 ) -> Any:
     """Compare columns (n,) with those at rest, and flag those that do not look like the beam.
 
-    Return the fields of `Columns` after the fits. `at_rest` are the amplitudes,
-    `misfit_at_rest` is the typical chi^2 per degree of freedom, and `sigma_at_rest` [px] that of
-    the errors that are not the sensor's noise. The profile was seen `in_part` where it is known at
-    some places between the pixels only.
+    Return the fields of `Columns` after the fits. `misfit_at_rest` is the typical chi^2 per degree
+    of freedom, and `sigma_at_rest` [px] that of the errors that are not the sensor's noise. The
+    profile was seen `in_part` where it is known at some places between the pixels only.
     """
-    n = len(at_rest)
+    n = len(expected.amplitude)
     brightness, misfit, noise, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
-        brightness[i] = fits.amplitude[i] / at_rest[i]
+        change = (fits.amplitude[i] - expected.amplitude[i]) / expected.scale[i]
+        brightness[i] = 1 + change * np.sign(expected.amplitude[i])
         misfit[i] = fits.chi2[i] / max(fits.dof[i], 1) / misfit_at_rest
         noise[i] = fits.sigma[i] * np.sqrt(max(misfit[i], 1.0))
         sigma[i] = np.sqrt(noise[i] ** 2 + sigma_at_rest**2)
@@ -84,10 +96,11 @@ def flag_columns(
     for i in range(n):
         # On a textured background the amplitude must exceed a larger threshold.
         enlarged_sigma = fits.amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
-        faint = (
-            brightness[i] < THRESHOLDS.min_brightness
-            or abs(fits.amplitude[i]) < THRESHOLDS.amplitude_sigmas * enlarged_sigma
+        shown = (
+            abs(fits.amplitude[i]) >= THRESHOLDS.amplitude_sigmas * enlarged_sigma
+            or noise[i] < expected.max_sigma
         )
+        faint = brightness[i] < THRESHOLDS.min_brightness or not shown
         if faint or not fits.sigma[i] < THRESHOLDS.max_sigma_px:
             flags[i] = HIDDEN
         elif brightness[i] > THRESHOLDS.max_brightness or (

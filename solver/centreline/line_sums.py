@@ -30,14 +30,20 @@ class Line(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """The image along the beam: gray values (n, LINES), n offsets [px] across, and positions.
+    """The image along the beam: gray values (n, m), n offsets [px] across, and m positions.
 
-    `x` (LINES,) is over the beam's length. Values beside the image are NaN.
+    `x` (m,) is over the beam's length. Values beside the image are NaN. The whole beam has LINES
+    positions.
     """
 
     gray: Floats
     offset: Floats
     x: Floats
+
+    def parts(self, count: int) -> "list[Sheet]":
+        """Divide the sheet along the beam into a number of parts."""
+        pieces = np.array_split(np.arange(len(self.x)), count)
+        return [Sheet(self.gray[:, k], self.offset, self.x[k]) for k in pieces]
 
 
 def straightened(image: Floats, guide: Guide, beside: float) -> Sheet:
@@ -72,19 +78,19 @@ def line_sums(
 
     NaN where less than the share `support` of the line is in the image.
     """
-    n = len(sheet.offset)
+    n, n_lines = sheet.gray.shape
     known = np.isfinite(sheet.gray)
     # Rows beyond the sheet are unknown.
-    gray = np.vstack([np.where(known, sheet.gray, 0.0), np.zeros((1, LINES))])
-    known = np.vstack([known, np.zeros((1, LINES), bool)])
+    gray = np.vstack([np.where(known, sheet.gray, 0.0), np.zeros((1, n_lines))])
+    known = np.vstack([known, np.zeros((1, n_lines), bool)])
     result = np.empty((len(tips), len(bows), n))
     for i, tip in enumerate(tips):
         for j, bow in enumerate(bows):
             shift = np.rint(line_at(sheet.x, tip, bow)).astype(np.int64)
             row = np.arange(n)[:, None] + shift
-            place = np.where((row >= 0) & (row < n), row, n) * LINES + np.arange(LINES)
+            place = np.where((row >= 0) & (row < n), row, n) * n_lines + np.arange(n_lines)
             count = known.take(place).sum(axis=1)
             total = gray.take(place).sum(axis=1)
-            enough = count >= support * LINES
+            enough = count >= support * n_lines
             result[i, j] = np.where(enough, total / np.maximum(count, 1), np.nan)
     return result

@@ -52,6 +52,16 @@ class Section:
     skew: float
     taper: float = 0.0
 
+    @property
+    def resolution(self) -> float:
+        """Sigma [px] of the place of a profile whose amplitude is five times its own sigma.
+
+        That of a Gaussian is sqrt(2) of its width, over the ratio of the amplitude to its sigma.
+        The width is that of a matt beam, the blur and a pixel together.
+        """
+        width = np.sqrt(self.radius**2 / 4 + self.spread**2 + 1 / 12)
+        return float(np.sqrt(2) * width / 5)
+
 
 class Profile(NamedTuple):
     """Tables of the profile: `value` and `slope` [1/px] (k, SLOPES, n) along a pixel column.

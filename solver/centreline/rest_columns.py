@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from solver.centreline.noise import Noise
 from solver.centreline.profile import Profile, Section, own_light, profile
@@ -15,6 +16,11 @@ from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.medians import SIGMA_OVER_MAD
+
+# Number of columns about one that show the typical light there, and the largest change from it,
+# over the larger one of the light and its contrast. Chosen: a lamp that bare steel reflects is seen
+# in 50 columns.
+LIGHT_COLUMNS, MAX_CHANGE = 61, 0.6
 
 
 @dataclass(frozen=True)
@@ -70,17 +76,32 @@ class RestColumns:
         return np.asarray(np.mean(each, axis=0))
 
     def like_the_beam(self, fits: list[Fits], section: Section) -> Mask:
-        """Mark the columns (n,) that have the beam's polarity and typical amplitude.
+        """Mark the columns (n,) that look like most columns of the beam.
 
-        Of the beam's own light, it is the typical one less that of the ground.
+        Its contrast has one sign and one typical amplitude. Its own light is like that of the
+        columns about it, and the contrast may have either sign.
         """
-        good = np.all([np.isfinite(f.sigma) & (f.amplitude * self.polarity > 0) for f in fits], 0)
-        width = 2 * section.radius if self.own_light else 0.0
-        light = [np.median((f.amplitude + width * f.background)[good]) for f in fits if good.any()]
-        typical = np.median(light) if light else 0.0
+        shown = [np.isfinite(f.sigma) for f in fits]
+        if self.own_light:
+            least = THRESHOLDS.amplitude_sigmas
+            shown += [np.abs(f.amplitude) > least * f.amplitude_sigma for f in fits]
+        else:
+            shown += [f.amplitude * self.polarity > 0 for f in fits]
+        good = np.all(shown, axis=0)
+        if not good.any():
+            return np.asarray(good)
+        if self.own_light:
+            width = 2 * section.radius
+            lights = [(f.amplitude + width * f.background)[good] for f in fits]
+            about = median_filter(np.median(lights, axis=0), LIGHT_COLUMNS, mode="nearest")
+            typical = np.interp(self.places.length, self.places.length[good], about)
+        else:
+            width = 0.0
+            typical = np.median([np.median(f.amplitude[good]) for f in fits])
         for f in fits:
             expected = typical - width * f.background
-            good &= np.abs(f.amplitude - expected) < 0.6 * np.abs(expected)
+            changed = np.abs(f.amplitude - expected)
+            good &= changed < MAX_CHANGE * np.maximum(np.abs(expected), typical)
         return np.asarray(good)
 
     def smooth(self, centre: Floats, good: Mask) -> Floats:

@@ -34,6 +34,10 @@ BESIDE_WIDTHS = 6.0
 MAX_BOW_PX, COARSE_PX = 8.0, 2.0
 # The step for a filter that is matched to a beam of less than two pixels.
 MATCHED_PX = 1.0
+# Parts of the beam along which its contrast may have either sign. A part shows the beam if its
+# contrast is this share of the median one, and this many robust sigmas of that elsewhere; another
+# line is better if it shows so many parts more. Chosen.
+N_PARTS, MIN_PART, BY_CHANCE, MORE_PARTS = 8, 0.25, 3.0, 0.5
 # Steps of the refinement about the best line, of a tip and a middle [px]. Chosen: the profile fit
 # starts within half a pixel of the beam.
 FINE_PX = np.arange(-2.0, 2.25, 0.5)
@@ -42,14 +46,16 @@ FINE_PX = np.arange(-2.0, 2.25, 0.5)
 class RestDetection(NamedTuple):
     """The beam at rest: `places` (n, 2) [m] of the beam's frame.
 
-    `polarity` is 1 for a beam brighter than its ground, and -1 for a darker one; `width` is that of
-    the detection, over the rig's diameter; `second` is a line beside it, if there is one.
+    `polarity` is 1 for a beam brighter than its ground, and -1 for a darker one: where it is of
+    `either_sign`, that of its largest contrast. `width` is that of the detection, over the rig's
+    diameter; `second` is a line beside it, if there is one.
     """
 
     places: Floats
     polarity: int
     width: int
     second: SecondLine | None
+    either_sign: bool = False
 
 
 def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestDetection | None:
@@ -60,7 +66,10 @@ def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestDe
     Without any, the matched filter is tried for the rig's diameter.
     """
     sheet = straightened(image, guide, BESIDE_WIDTHS * max(widths) * 2 * guide.radius_px)
-    line = _line_of_contrast(sheet, guide, widths) or _matched_line(sheet, guide)
+    line, of_either_sign = _line_of_contrast(sheet, guide, widths), None
+    if line is not None:
+        of_either_sign = _line_of_either_sign(sheet, guide, line)
+    line = of_either_sign or line or _matched_line(sheet, guide)
     if line is None:
         return None
     y = line_at(PLACES, line.tip, line.bow) + line.offset
@@ -68,7 +77,7 @@ def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestDe
     radius = line.width * guide.radius_px
     means = across(sheet, line, radius)
     second = None if means is None else find_second_line(means, line.polarity, radius)
-    return RestDetection(places, line.polarity, line.width, second)
+    return RestDetection(places, line.polarity, line.width, second, of_either_sign is not None)
 
 
 class _Trials(NamedTuple):
@@ -76,6 +85,11 @@ class _Trials(NamedTuple):
 
     tips: Floats
     bows: Floats
+
+    @classmethod
+    def of(cls, line: Line) -> "_Trials":
+        """Return one line alone."""
+        return cls(np.array([line.tip]), np.array([line.bow]))
 
 
 def _trials(guide: Guide, step: float) -> _Trials:
@@ -97,20 +111,33 @@ class _Peak(NamedTuple):
 
 
 def _refined(
-    sheet: Sheet, trials: _Trials, coarse: Floats, near: Mask, filtered: Callable[[Floats], Floats]
+    offset: Floats,
+    trials: _Trials,
+    coarse: Floats,
+    near: Mask,
+    respond: Callable[[_Trials], Floats],
 ) -> _Peak:
     """Find the largest of finer responses about that of the `coarse` ones (tip, bow, offset).
 
-    Offsets are `near` the nominal beam; `filtered` computes the responses of sums along lines.
+    Offsets (n,) [px] are `near` the nominal beam; `respond` computes the responses of trial lines.
     """
     at = np.nanargmax(coarse[..., near])
     tip, bow, _ = np.unravel_index(at, coarse[..., near].shape)
     finer = _Trials(trials.tips[tip] + FINE_PX, trials.bows[bow] + FINE_PX)
-    fine = filtered(line_sums(sheet, *finer))[..., near]
-    tip, bow, offset = np.unravel_index(np.nanargmax(fine), fine.shape)
-    return _Peak(
-        float(fine[tip, bow, offset]), finer.tips[tip], finer.bows[bow], sheet.offset[near][offset]
-    )
+    fine = respond(finer)[..., near]
+    tip, bow, k = np.unravel_index(np.nanargmax(fine), fine.shape)
+    return _Peak(float(fine[tip, bow, k]), finer.tips[tip], finer.bows[bow], offset[near][k])
+
+
+def _near(sheet: Sheet, core: int) -> Mask:
+    """Mark the offsets (n,) near the nominal beam, which is `core` [px] wide."""
+    largest = max(THRESHOLDS.near_px, THRESHOLDS.near_radii_at_rest * core / 2)
+    return np.asarray(np.abs(sheet.offset) <= largest)
+
+
+def _elsewhere(sheet: Sheet, core: int) -> Mask:
+    """Mark the offsets (n,) of lines that show nothing of the beam."""
+    return np.asarray(np.abs(sheet.offset) > core + 2 * (GAP + SIDE) + THRESHOLDS.near_px)
 
 
 def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line | None:
@@ -121,10 +148,7 @@ def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line
     largest = -np.inf
     for width in widths:
         core = max(2, round(width * 2 * guide.radius_px))
-        near = np.abs(sheet.offset) <= max(
-            THRESHOLDS.near_px, THRESHOLDS.near_radii_at_rest * core / 2
-        )
-        beside = np.abs(sheet.offset) > core + 2 * (GAP + SIDE) + THRESHOLDS.near_px
+        near, beside = _near(sheet, core), _elsewhere(sheet, core)
         for polarity in (1, -1):
             contrasts = _contrasts(coarse, core, polarity)
             elsewhere = contrasts[..., beside]
@@ -136,9 +160,8 @@ def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line
             by_chance = np.hypot(
                 SIGMA_OVER_MAD * np.median(np.abs(elsewhere - middle)), np.sqrt(ROUNDING / n_pixels)
             )
-            peak = _refined(
-                sheet, trials, contrasts, near, partial(_contrasts, core=core, polarity=polarity)
-            )
+            respond = partial(_contrasts_along, sheet, core, polarity)
+            peak = _refined(sheet.offset, trials, contrasts, near, respond)
             if peak.response > max(largest, middle + THRESHOLDS.min_line_sigmas * by_chance):
                 line = Line(peak.tip, peak.bow, peak.offset, polarity, width)
                 if not _is_gap(sheet, line, peak.response, width * guide.radius_px):
@@ -182,6 +205,70 @@ def _means(sums: Floats, size: int) -> Floats:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(sums, size, axis=-1).mean(axis=-1))
 
 
+def _line_of_either_sign(sheet: Sheet, guide: Guide, line: Line) -> Line | None:
+    """Find the line of a beam that is brighter than its ground in some parts, and darker in others.
+
+    Return None where `line`, that of one sign, shows the beam in all parts, or where no other one
+    shows it in more of them, and in more than lines elsewhere show by chance.
+    """
+    core = max(2, round(line.width * 2 * guide.radius_px))
+    parts, beside = sheet.parts(N_PARTS), _elsewhere(sheet, core)
+    here = _nearest(sheet, line.offset)
+    bright, dark = (_contrasts_of_parts(parts, core, sign, _Trials.of(line)) for sign in (1, -1))
+    along = (bright if line.polarity > 0 else dark)[:, 0, 0, here]
+    least = MIN_PART * np.nanmedian(along)
+    if np.nanmin(along) > least:
+        return None
+    by_chance = np.nanmedian(np.abs(np.fmax(bright, dark)[..., beside]))
+    shown = partial(
+        _share_of_parts, parts, core, max(least, BY_CHANCE * SIGMA_OVER_MAD * by_chance)
+    )
+    trials = _trials(guide, COARSE_PX)
+    coarse = shown(trials)
+    peak = _refined(sheet.offset, trials, coarse, _near(sheet, core), shown)
+    at_least = shown(_Trials.of(line))[0, 0, here] + MORE_PARTS / N_PARTS
+    if peak.response < max(at_least, np.nanmax(coarse[..., beside])):
+        return None
+    found = line._replace(tip=peak.tip, bow=peak.bow, offset=peak.offset)
+    here = _nearest(sheet, found.offset)
+    brightest, darkest = (
+        np.nanmax(_contrasts_of_parts(parts, core, sign, _Trials.of(found))[:, 0, 0, here])
+        for sign in (1, -1)
+    )
+    return found._replace(polarity=1 if brightest >= darkest else -1)
+
+
+def _nearest(sheet: Sheet, offset: float) -> int:
+    """Return the index of the offset that is nearest to one [px]."""
+    return int(np.argmin(np.abs(sheet.offset - offset)))
+
+
+def _contrasts_along(sheet: Sheet, core: int, polarity: int, trials: _Trials) -> Floats:
+    """Compute the contrasts (tip, bow, offset) of trial lines."""
+    return _contrasts(line_sums(sheet, *trials), core, polarity)
+
+
+def _contrasts_of_parts(
+    parts: Sequence[Sheet], core: int, polarity: int, trials: _Trials
+) -> Floats:
+    """Compute the contrasts (part, tip, bow, offset) of the parts of trial lines."""
+    return np.stack([_contrasts_along(part, core, polarity, trials) for part in parts])
+
+
+def _share_of_parts(parts: Sequence[Sheet], core: int, least: float, trials: _Trials) -> Floats:
+    """Compute the share (tip, bow, offset) of their parts in which trial lines show a beam.
+
+    A part counts by its contrast, of any sign, over the sum of this and the `least` one. NaN where
+    fewer than the share `min_support_at_rest` of the parts are in the image.
+    """
+    bright, dark = (_contrasts_of_parts(parts, core, sign, trials) for sign in (1, -1))
+    contrast = np.maximum(np.fmax(bright, dark), 0)
+    count = np.isfinite(contrast).sum(axis=0)
+    enough = count >= THRESHOLDS.min_support_at_rest * len(parts)
+    shown = np.nansum(contrast / (contrast + least), axis=0)
+    return np.where(enough, shown / np.maximum(count, 1), np.nan)
+
+
 def _matched_line(sheet: Sheet, guide: Guide) -> Line | None:
     """Find the line whose response exceeds that of all lines elsewhere; None if there is none.
 
@@ -202,12 +289,18 @@ def _matched_line(sheet: Sheet, guide: Guide) -> Line | None:
     best, most = None, THRESHOLDS.min_line_sigmas
     for polarity in (1, -1):
         by_chance = float(np.max(matched.sigmas(elsewhere, polarity)))
-        filtered = partial(matched.sigmas, polarity=polarity)
-        peak = _refined(sheet, trials, filtered(coarse), near, filtered)
+        respond = partial(_sigmas_along, sheet, matched, polarity)
+        found = matched.sigmas(coarse, polarity)
+        peak = _refined(sheet.offset, trials, found, near, respond)
         if peak.response > max(most, by_chance):
             most = peak.response
             best = Line(peak.tip, peak.bow, peak.offset, polarity, width=1)
     return best
+
+
+def _sigmas_along(sheet: Sheet, matched: "_Filter", polarity: int, trials: _Trials) -> Floats:
+    """Filter trial lines (tip, bow, offset)."""
+    return matched.sigmas(line_sums(sheet, *trials), polarity)
 
 
 class _Filter(NamedTuple):

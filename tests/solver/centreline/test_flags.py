@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.flags import FOREIGN, HIDDEN, flag_columns
+from solver.centreline.flags import FOREIGN, HIDDEN, Expected, flag_columns
 from solver.centreline.profile_fit import Fits
 from solver.instrument.arrays import Floats
 
@@ -23,7 +23,7 @@ def flagged(misfit: Floats) -> npt.NDArray[np.uint8]:
         dof=np.full(COLUMNS, 10),
         saturated=np.zeros(COLUMNS, np.int64),
     )
-    *_, flags = flag_columns(fits, 100 * ones, 1.0, 0.0, False)
+    *_, flags = flag_columns(fits, Expected(100 * ones, 100 * ones, 0.0), 1.0, 0.0, False)
     return np.asarray(flags)
 
 
