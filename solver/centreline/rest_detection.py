@@ -214,12 +214,12 @@ def _line_of_either_sign(sheet: Sheet, guide: Guide, line: Line) -> Line | None:
     core = max(2, round(line.width * 2 * guide.radius_px))
     parts, beside = sheet.parts(N_PARTS), _elsewhere(sheet, core)
     here = _nearest(sheet, line.offset)
-    bright, dark = (_contrasts_of_parts(parts, core, sign, _Trials.of(line)) for sign in (1, -1))
-    along = (bright if line.polarity > 0 else dark)[:, 0, 0, here]
+    both = _contrasts_of_parts(parts, core, _Trials.of(line))
+    along = both[0 if line.polarity > 0 else 1, :, 0, 0, here]
     least = MIN_PART * np.nanmedian(along)
     if np.nanmin(along) > least:
         return None
-    by_chance = np.nanmedian(np.abs(np.fmax(bright, dark)[..., beside]))
+    by_chance = np.nanmedian(np.abs(np.fmax(*both)[..., beside]))
     shown = partial(
         _share_of_parts, parts, core, max(least, BY_CHANCE * SIGMA_OVER_MAD * by_chance)
     )
@@ -230,12 +230,9 @@ def _line_of_either_sign(sheet: Sheet, guide: Guide, line: Line) -> Line | None:
     if peak.response < max(at_least, np.nanmax(coarse[..., beside])):
         return None
     found = line._replace(tip=peak.tip, bow=peak.bow, offset=peak.offset)
-    here = _nearest(sheet, found.offset)
-    brightest, darkest = (
-        np.nanmax(_contrasts_of_parts(parts, core, sign, _Trials.of(found))[:, 0, 0, here])
-        for sign in (1, -1)
-    )
-    return found._replace(polarity=1 if brightest >= darkest else -1)
+    both = _contrasts_of_parts(parts, core, _Trials.of(found))
+    bright, dark = np.nanmax(both[:, :, 0, 0, _nearest(sheet, found.offset)], axis=1)
+    return found._replace(polarity=1 if bright >= dark else -1)
 
 
 def _nearest(sheet: Sheet, offset: float) -> int:
@@ -248,11 +245,13 @@ def _contrasts_along(sheet: Sheet, core: int, polarity: int, trials: _Trials) ->
     return _contrasts(line_sums(sheet, *trials), core, polarity)
 
 
-def _contrasts_of_parts(
-    parts: Sequence[Sheet], core: int, polarity: int, trials: _Trials
-) -> Floats:
-    """Compute the contrasts (part, tip, bow, offset) of the parts of trial lines."""
-    return np.stack([_contrasts_along(part, core, polarity, trials) for part in parts])
+def _contrasts_of_parts(parts: Sequence[Sheet], core: int, trials: _Trials) -> Floats:
+    """Compute the contrasts (2, part, tip, bow, offset) of the parts of trial lines.
+
+    They are those of a beam that is brighter than its ground, and of a darker one.
+    """
+    sums = [line_sums(part, *trials) for part in parts]
+    return np.stack([[_contrasts(one, core, sign) for one in sums] for sign in (1, -1)])
 
 
 def _share_of_parts(parts: Sequence[Sheet], core: int, least: float, trials: _Trials) -> Floats:
@@ -261,8 +260,7 @@ def _share_of_parts(parts: Sequence[Sheet], core: int, least: float, trials: _Tr
     A part counts by its contrast, of any sign, over the sum of this and the `least` one. NaN where
     fewer than the share `min_support_at_rest` of the parts are in the image.
     """
-    bright, dark = (_contrasts_of_parts(parts, core, sign, trials) for sign in (1, -1))
-    contrast = np.maximum(np.fmax(bright, dark), 0)
+    contrast = np.maximum(np.fmax(*_contrasts_of_parts(parts, core, trials)), 0)
     count = np.isfinite(contrast).sum(axis=0)
     enough = count >= THRESHOLDS.min_support_at_rest * len(parts)
     shown = np.nansum(contrast / (contrast + least), axis=0)
