@@ -30,7 +30,7 @@ from solver.centreline.profile import (
 )
 from solver.centreline.profile_fit import MARGIN, Fits, KnownGround, fit_profiles
 from solver.centreline.rest_columns import RestColumns, Shape, check_count, shape_of
-from solver.centreline.rest_detection import RestDetection, find_rest_line
+from solver.centreline.rest_detection import MIN_PART, RestDetection, find_rest_line
 from solver.centreline.second_line import describe
 from solver.centreline.section_on_ground import (
     NO_GROUND_ERRORS,
@@ -38,7 +38,7 @@ from solver.centreline.section_on_ground import (
     GroundErrors,
     section_on_ground,
 )
-from solver.centreline.section_search import MORE_SHOWN, find_in_own_light, find_sections
+from solver.centreline.section_search import find_in_own_light, find_sections
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import THRESHOLDS
 from solver.centreline.two_faces import Faces, Strip, fit_faces, learn_faces
@@ -438,16 +438,11 @@ def _off_path(rest: RestColumns, shapes: Sequence[Shape]) -> Floats:
 def _in_own_light(described: _Described) -> _Described | None:
     """Describe the beam by its own light; None where its contrast describes it as well."""
     rest, path, shapes, _ = described
-    found = find_in_own_light(rest, shapes) if shapes else []
     own = replace(rest, own_light=True)
-    in_own_light = _shapes_of(found, own)
-    if not in_own_light:
+    found = _shapes_of(find_in_own_light(rest, shapes), own) if shapes else []
+    if not found or found[0].misfit > THRESHOLDS.max_section_misfit:
         return None
-    shown, before = (int(np.count_nonzero(one[0].good)) for one in (in_own_light, shapes))
-    describes = in_own_light[0].misfit <= THRESHOLDS.max_section_misfit
-    if not (describes or shown > MORE_SHOWN * before):
-        return None
-    return _Described(own, path, in_own_light, None)
+    return _Described(own, path, found, None)
 
 
 def _shapes(rest: RestColumns) -> list[Shape]:
@@ -479,7 +474,16 @@ def _look_before(
     fits = rest.fits(table, half, KnownGround(ground, start.amplitude))
     good = np.all([np.isfinite(f.sigma) for f in fits], axis=0)
     centre = rest.off_path(fits)
-    shape = shape_of(section, table, fits, centre, good, course=np.zeros_like(centre))
+    course = np.zeros_like(centre)
+    shape = shape_of(section, table, fits, centre, good, course)
+    contrast = start.amplitude * rest.polarity
+    of_one_sign = contrast.min() > MIN_PART * np.median(np.abs(contrast))
+    if of_one_sign or shape.misfit > THRESHOLDS.max_section_misfit:
+        light = None
+        good &= contrast > 0
+        shape = shape_of(section, table, fits, centre, good, course)
+    else:
+        light = (start.amplitude + 2 * section.radius * ground.level)[good]
     look = _described_by(
         shape,
         rest,
@@ -490,12 +494,11 @@ def _look_before(
         ground=ground.level,
         radius=radius,
     )
-    light = start.amplitude + 2 * section.radius * ground.level
     return replace(
         look,
         ground_at_rest=ground,
         ground_errors=start.ground_errors,
-        own_light=light[good] if look.knows_section else None,
+        own_light=light,
     )
 
 

@@ -61,7 +61,7 @@ _EQUAL_COST = 9.0
 _MIN_WEIGHTS = 0.1
 # A profile of the beam's own light is the better one if it shows this many times the columns that
 # those of the contrast show. Chosen: of a beam before stripes, the latter show half.
-MORE_SHOWN = 1.1
+_MORE_SHOWN = 1.1
 # What a section that describes nothing costs.
 _NOTHING = 1e12
 
@@ -110,7 +110,7 @@ def find_in_own_light(rest: RestColumns, shapes: Sequence[Shape]) -> list[Sectio
     costs = np.array([one.cost for one in judged])
     at_most = costs.min() + _EQUAL_COST
     shown = max(one.shown for one in contrasts)
-    if max(one.shown for one in judged) < MORE_SHOWN * shown:
+    if max(one.shown for one in judged) < _MORE_SHOWN * shown:
         at_most = min(at_most, min(one.cost for one in contrasts) - _EQUAL_COST)
     best = [found[k] for k in np.argsort(costs) if costs[k] < at_most]
     return [section for p in best if (section := _section(p, own)) is not None]
