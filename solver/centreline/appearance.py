@@ -245,7 +245,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> Learned:
         )
     else:
         moved_px = THRESHOLDS.overlap_sigma_px * overlap
-        described = _along_the_beam(rest, path, line.either_sign)
+        described = _along_the_beam(rest, path, line.either_sign and strip is None)
         path = described.path
         look = _look(described, stated, strip)
     x, y = guide.places(path).T

@@ -12,6 +12,7 @@ times as many sigmas as by a difference of mean gray values. Shading and shadow 
 differ from the expected profile: it is found by the difference.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -216,18 +217,22 @@ def _line_of_either_sign(sheet: Sheet, guide: Guide, line: Line) -> Line | None:
     here = _nearest(sheet, line.offset)
     both = _contrasts_of_parts(parts, core, _Trials.of(line))
     along = both[0 if line.polarity > 0 else 1, :, 0, 0, here]
+    elsewhere = np.fmax(*both)[..., beside]
+    if not (np.isfinite(along).any() and np.isfinite(elsewhere).any()):
+        return None
     least = MIN_PART * np.nanmedian(along)
     if np.nanmin(along) > least:
         return None
-    by_chance = np.nanmedian(np.abs(np.fmax(*both)[..., beside]))
-    shown = partial(
-        _share_of_parts, parts, core, max(least, BY_CHANCE * SIGMA_OVER_MAD * by_chance)
-    )
-    trials = _trials(guide, COARSE_PX)
-    coarse = shown(trials)
-    peak = _refined(sheet.offset, trials, coarse, _near(sheet, core), shown)
-    at_least = shown(_Trials.of(line))[0, 0, here] + MORE_PARTS / N_PARTS
-    if peak.response < max(at_least, np.nanmax(coarse[..., beside])):
+    scatter = SIGMA_OVER_MAD * np.nanmedian(np.abs(elsewhere))
+    by_chance = math.hypot(scatter, math.sqrt(ROUNDING * N_PARTS / (LINES * core)))
+    shown = partial(_share_of_parts, parts, core, max(least, BY_CHANCE * by_chance))
+    trials, near = _trials(guide, COARSE_PX), _near(sheet, core)
+    coarse, of_line = shown(trials), shown(_Trials.of(line))[0, 0, here]
+    if not (np.isfinite(of_line) and np.isfinite(coarse[..., near]).any()):
+        return None
+    peak = _refined(sheet.offset, trials, coarse, near, shown)
+    at_least = of_line + MORE_PARTS / N_PARTS
+    if peak.response < max(at_least, np.nanmax(coarse[..., beside], initial=0.0)):
         return None
     found = line._replace(tip=peak.tip, bow=peak.bow, offset=peak.offset)
     both = _contrasts_of_parts(parts, core, _Trials.of(found))
