@@ -91,8 +91,8 @@ class Appearance:
     between the pixels only. `second_line` describes a line beside the beam, "" if there is none,
     and `second_line_sigma_px` is that of the error by which it moves all of the beam. `faces` are
     those of a flat strip that shows two. `grid_period` [px] is that of the grid on which the images
-    were processed, 0 for raw ones. Before grounds that differ, `own_light` [gray px] is given along
-    `length`, and the profile is that of this light; None before others.
+    were processed, 0 for raw ones. Where grounds differ, or the contrast has either sign,
+    `own_light` [gray px] is given along `length`, and the profile is that of this light; else None.
     """
 
     polarity: int

@@ -10,6 +10,9 @@ filter weighs the pixels by the beam's expected profile and by the inverse covar
 (Turin 1960), here that of means along lines elsewhere. Beams of 0.7 px on textures have 3 to 10
 times as many sigmas as by a difference of mean gray values. Shading and shadow of a wide beam
 differ from the expected profile: it is found by the difference.
+
+Bare steel may be brighter than its ground in one part and darker in another, and its mean contrast
+is that of one of them. Its line is the one that differs from its sides in the most parts.
 """
 
 import math
