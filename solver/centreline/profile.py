@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
+from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
@@ -54,13 +55,13 @@ class Section:
 
     @property
     def resolution(self) -> float:
-        """Sigma [px] of the place of a profile whose amplitude is five times its own sigma.
+        """Sigma [px] of the place of a profile whose amplitude is the least that shows a beam.
 
         That of a Gaussian is sqrt(2) of its width, over the ratio of the amplitude to its sigma.
         The width is that of a matt beam, the blur and a pixel together.
         """
         width = np.sqrt(self.radius**2 / 4 + self.spread**2 + 1 / 12)
-        return float(np.sqrt(2) * width / 5)
+        return float(np.sqrt(2) * width / THRESHOLDS.amplitude_sigmas)
 
 
 class Profile(NamedTuple):

@@ -38,9 +38,9 @@ BESIDE_WIDTHS = 6.0
 MAX_BOW_PX, COARSE_PX = 8.0, 2.0
 # The step for a filter that is matched to a beam of less than two pixels.
 MATCHED_PX = 1.0
-# Parts of the beam along which its contrast may have either sign. A part shows the beam if its
-# contrast is this share of the median one, and this many robust sigmas of that elsewhere; another
-# line is better if it shows so many parts more. Chosen.
+# Number of parts of the beam, in each of which its contrast may have either sign. Least contrast of
+# a part that shows the beam: a share of the parts' median, and a number of robust sigmas of the
+# contrast elsewhere. Least number of additional parts in which a better line shows it. Chosen.
 N_PARTS, MIN_PART, BY_CHANCE, MORE_PARTS = 8, 0.25, 3.0, 0.5
 # Steps of the refinement about the best line, of a tip and a middle [px]. Chosen: the profile fit
 # starts within half a pixel of the beam.
