@@ -54,6 +54,12 @@ class Section:
     taper: float = 0.0
 
     @property
+    def reach(self) -> float:
+        """Distance [px] from the path within which pixels show the beam, half a pixel aside."""
+        widest = self.radius * (1 + abs(self.taper) / 2)
+        return widest + 2.5 * self.spread + 0.5
+
+    @property
     def resolution(self) -> float:
         """Sigma [px] of the place of a profile whose amplitude is the least that shows a beam.
 

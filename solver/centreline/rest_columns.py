@@ -52,8 +52,7 @@ class RestColumns:
 
     def half_width(self, section: Section) -> int:
         """Return the pixels on either side that show the section, a margin, and no other line."""
-        widest = section.radius * (1 + abs(section.taper) / 2)
-        return int(min(np.ceil(widest + 2.5 * section.spread + 0.5) + 1 + MARGIN, self.clear))
+        return int(min(np.ceil(section.reach) + 1 + MARGIN, self.clear))
 
     def table(self, section: Section) -> Profile:
         """Tabulate a section's profiles along the beam at rest."""

@@ -15,7 +15,7 @@ from solver.centreline.effective_profile import course_basis
 from solver.centreline.ground import Ground
 from solver.centreline.profile import MAX_OWN_SKEW, Section, interpolated, own_light
 from solver.centreline.stations import Stations
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 
 # Values and sigmas that are expected of log(diameter over the rig's), spread [px], roundness and
 # skew; chosen. They matter where the ground hides the section's details.
@@ -108,12 +108,15 @@ def section_on_ground(
     radius: float,
     half: int,
     ground: Ground,
+    found: BeamOnGround | None = None,
 ) -> BeamOnGround:
     """Fit the section to the mean (height, width) of some rest images, along n stations.
 
-    `noise_variance` (height, width) is that of a pixel of the mean; `radius` [px] is the rig's.
+    `noise_variance` (height, width) is that of a pixel of the mean; `radius` [px] is the rig's. The
+    search begins at the beam `found` before another ground, if there is one, on the path.
     """
-    columns = places.take(places.within(half, mean.shape))
+    used = places.within(half, mean.shape)
+    columns = places.take(used)
     pixels = columns.pixels(half)
     gray, unseen = mean[pixels], ground.gray[pixels].astype(np.float64)
     model = _Model(
@@ -167,42 +170,55 @@ def section_on_ground(
         result[-4:, :4] = np.diag(1 / prior_sigmas)
         return result
 
-    total = (gray - unseen).sum(axis=1) / ground.level
-    fits = []
-    for spread in STARTS:
-        start = np.zeros(4 + 2 * terms)
-        start[:4] = 0.0, spread, 1.0, 0.0
-        start[4 + terms] = np.median(total) + 2 * radius
-        fits.append(
-            least_squares(
-                residuals,
-                start,
-                jacobian,
-                tr_solver="lsmr",
-                loss="soft_l1",
-                f_scale=3.0,
-                max_nfev=25,
-            )
+    fits = [
+        least_squares(
+            residuals,
+            start,
+            jacobian,
+            tr_solver="lsmr",
+            loss="soft_l1",
+            f_scale=3.0,
+            max_nfev=25,
         )
+        for start in _starts(model, found, basis, used, radius)
+    ]
     p = min(fits, key=lambda fit: float(fit.cost)).x
     everywhere = course_basis(places.length, columns.length)
     amplitude, off_path = everywhere @ p[4 + terms :], everywhere @ p[4 : 4 + terms]
-    # The contrast with the ground's level.
-    amplitude -= 2 * section(p).radius
+    amplitude = ground.level * (amplitude - 2 * section(p).radius)
     cover = model.beam(section(p), course(p)[0]).cover
     seen = (1 - cover) ** 2
-    of_fine = seen * cover**2 * ground.fine
+    of_mean, of_fine = noise_variance[pixels], seen * cover**2 * ground.fine
     of_ground = seen * ground.variance[pixels] + of_fine
-    of_mean = noise_variance[pixels]
     # A centre is the pixels' sum with these weights, by the noise of one image.
     weight = model.by_centre(section(p), *course(p)) * model.sigma / (of_ground + images * of_mean)
     # A beam that lies within one pixel of a column has no centre there.
     shown = (weight != 0).any(axis=1)
     if not shown.any():
-        return BeamOnGround(section(p), ground.level * amplitude, off_path)
+        return BeamOnGround(section(p), amplitude, off_path)
     by_noise, by_ground, by_fine = (
         (weight[shown] ** 2 * part[shown]).sum(axis=1) for part in (of_mean, of_ground, of_fine)
     )
     whole, fine = float(np.median(by_ground / by_noise)), float(np.median(by_fine / by_noise))
     errors = GroundErrors(whole, (fine if ground.bare_images else whole) * ground.in_common)
-    return BeamOnGround(section(p), ground.level * amplitude, off_path, errors)
+    return BeamOnGround(section(p), amplitude, off_path, errors)
+
+
+def _starts(
+    model: _Model, found: BeamOnGround | None, basis: Floats, used: Mask, radius: float
+) -> list[Floats]:
+    """Return the parameters at which searches begin: those of a beam that was found, or some.
+
+    `basis` (m, k) is that of the courses along the `used` ones of n stations.
+    """
+    terms = basis.shape[1]
+    if found is None:
+        contrast = np.median((model.gray - model.unseen).sum(axis=1)) / model.level
+        light = np.append(contrast + 2 * radius, np.zeros(terms - 1))
+        return [np.concatenate([[0.0, s, 1.0, 0.0], np.zeros(terms), light]) for s in STARTS]
+    known = found.section
+    scale = math.log(known.radius / radius)
+    amplitude = found.amplitude[used] / model.level + 2 * known.radius
+    light = np.linalg.lstsq(basis, amplitude)[0]
+    shape = [scale, known.spread, known.roundness, known.skew]
+    return [np.concatenate([shape, np.zeros(terms), light])]
