@@ -37,7 +37,8 @@ class RestPoints(NamedTuple):
     """Mean of the rest images: points (n, 2) on C [m] and their sigma (n,) along y [m].
 
     `random` is the part of the points' variance that differs from image to image or comes from a
-    known ground, over the square of sigma; `in_common` is what LAG neighbours have in common of it.
+    known ground, over the square of sigma; `smooth` is what is added to it in smooth courses, where
+    neighbours on one grain of the ground err as one.
     `row` (n,) [px] is the points' position on the pixel grid, across the beam; `pixel` [m] is the
     size of a pixel. `grid` (n, k) is what is left of a known error that repeats with the pixel
     grid, in sigmas of the points by one sigma of each of k independent errors; None where no such
@@ -50,7 +51,7 @@ class RestPoints(NamedTuple):
     random: float
     row: Floats
     pixel: float
-    in_common: float = 0.0
+    smooth: float = 0.0
     grid: Floats | None = None
     rows_alike: bool = False
 
@@ -58,6 +59,11 @@ class RestPoints(NamedTuple):
     def rows(self) -> float:
         """Number of pixel rows that the beam crosses."""
         return float(np.ptp(self.row))
+
+    @property
+    def in_common(self) -> float:
+        """What LAG neighbours have in common of `random`: all, if they are on one grain."""
+        return min(self.smooth / LAG, self.random)
 
 
 def mean_points(
@@ -108,7 +114,7 @@ def mean_points(
         random * (1 + of_ground.whole),
         row[order],
         pixel,
-        random * of_ground.in_common,
+        random * of_ground.smooth,
         grid,
     )
 
@@ -212,26 +218,27 @@ def fit_columns(points: RestPoints, design: Floats, y: Floats) -> LinearFit:
         _repeating(inlier_variance, n, points),
         _shared_by_neighbours(inliers, points).significant,
     )
-    # Neighbours on one grain of the ground count as one point.
-    of_ground = LAG * points.in_common
+    # Errors of the ground are not larger than the residuals show.
+    smooth = points.smooth * min(variance / points.random, 1.0)
+    independent = max(variance * correlation, variance + smooth)
     if points.rows_alike:
-        covariance = _beside_waves(points, whitened[:, :m], residual, variance * correlation)
+        covariance = _beside_waves(points, whitened[:, :m], residual, independent)
     elif points.grid is None:
         shared = _shared_by_neighbours(residual, points)
         in_rows = _variance_of_rows(spare_rows, shared, variance, n, points)
-        covariance = max(variance * correlation, n * in_rows, of_ground) * inverse
+        covariance = max(independent, n * in_rows) * inverse
     else:
         by_grid = inverse @ (whitened.T @ points.grid)
         # What neighbours still have in common belongs to rows, of which the rest shows few.
         in_rows = _shared_by_neighbours(residual, points).significant / max(points.rows + 1, 1.0)
-        covariance = max(variance * correlation, n * in_rows, of_ground) * inverse
+        covariance = max(independent, n * in_rows) * inverse
         covariance += by_grid @ by_grid.T
     return LinearFit(
         coefficients[:m],
         covariance[:m, :m],
-        inverse[:m, :m] * (points.random + of_ground),
+        inverse[:m, :m] * (points.random + smooth),
         float(residual @ residual),
-        max(max(inlier_variance, 1.0) * correlation, of_ground),
+        max(max(inlier_variance, 1.0) * correlation, inlier_variance + smooth),
         repeated / spare_rows if spare_rows > 0 else math.inf,
     )
 

@@ -127,13 +127,12 @@ def _ground_errors(extract: Extractor) -> GroundErrors:
 def _rows_alike(extract: Extractor, images: int) -> bool:
     """Return whether errors of the beam at rest that repeat in all images are alike in all rows.
 
-    They are where images are as a sensor takes them, before a ground without structure. A single
-    image does not show whether it was processed.
+    They are where images are as a sensor takes them. A single image does not show whether it was
+    processed.
     """
     if extract.detector is None or images < 2:
         return False
-    look = extract.detector.appearance
-    return not look.grid_period and look.ground_at_rest is None
+    return not extract.detector.appearance.grid_period
 
 
 def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:

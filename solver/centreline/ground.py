@@ -6,7 +6,7 @@ and the interpolation's error is measured where the ground is known.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ from solver.centreline.bare_ground import (
     thinned,
 )
 from solver.centreline.noise import Noise, mean_image
-from solver.centreline.smooth import LAG
+from solver.centreline.smooth import LAG, REST_DEGREE
 from solver.centreline.thresholds import THRESHOLDS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
@@ -38,10 +38,18 @@ DISPLACEMENTS = (-4, -3, -2, 2, 3, 4)
 
 
 class Grain(NamedTuple):
-    """Number of pixels along the beam, and across it, that err as one."""
+    """Number of pixels along the beam, and across it, that err as one.
+
+    `smooth` is that along it for smooth courses, as the line of a beam at rest, into which errors
+    that change their sign from square to square hardly go.
+    """
 
     along: float
     across: float
+    smooth: float
+
+
+NO_GRAIN: Final = Grain(1.0, 1.0, 1.0)
 
 
 class Ground(NamedTuple):
@@ -51,10 +59,9 @@ class Ground(NamedTuple):
     pixel: a pixel that the beam covers in part does not show its mean ground. `rows` and `columns`
     are pixels beside the beam that differ by more than noise from the `smooth` ground about them.
     `bare_images` counts the images without the beam that show it; 0 where it was interpolated. With
-    them, `fine` is what the pixels beside do not predict of that difference. `in_common` is the
-    part of a variance that LAG pixels along the beam have in common, less that of independent
-    errors: of `fine` with images without the beam, of the interpolation without. `grain` is that of
-    the interpolation.
+    them, `fine` is what the pixels beside do not predict of that difference. `grain` is that of
+    these errors, which are `fine` with images without the beam, and those of the interpolation
+    without.
     """
 
     gray: Pattern
@@ -65,8 +72,7 @@ class Ground(NamedTuple):
     columns: npt.NDArray[np.int64]
     smooth: Floats
     bare_images: int = 0
-    in_common: float = 0.0
-    grain: Grain = Grain(1.0, 1.0)
+    grain: Grain = NO_GRAIN
 
     def in_image(self, image: Grey, noise: Noise) -> "Ground":
         """Return the ground where an image (height, width) shows it.
@@ -143,12 +149,11 @@ def learn_ground(
         return None
     if bare is None:
         fine = _fine_variance(gray, variance / n_images, under)
-        interpolated, error, in_common, grain = _interpolated(gray, middle, n)
+        interpolated, error, grain = _interpolated(gray, middle, n)
         gray = np.where(under, interpolated, gray)
         variance = np.where(under, error, variance / n_images)
     else:
-        fine, in_common = _curved_variance(gray, variance / n_images)
-        grain = Grain(1.0, 1.0)
+        fine, grain = _curved_variance(gray, variance / n_images)
         variance = variance / n_images
     if not upright:
         gray, variance, under = gray.T, variance.T, under.T
@@ -166,7 +171,6 @@ def learn_ground(
         columns=columns,
         smooth=np.asarray(blurred[rows, columns], np.float64),
         bare_images=0 if bare is None else bare.images,
-        in_common=in_common,
         grain=grain,
     )
 
@@ -224,14 +228,14 @@ def _fine_variance(gray: Floats, mean_variance: Floats, under: Mask) -> float:
     return one / min(max(two / one, 1.0), 4.0) if one > 0 else 0.0
 
 
-def _curved_variance(gray: Floats, mean_variance: Floats) -> tuple[float, float]:
+def _curved_variance(gray: Floats, mean_variance: Floats) -> tuple[float, Grain]:
     """Extrapolate how the halves of a pixel differ from what the pixels beside it predict.
 
     The variance of this error is measured for pixels of twice and four times the size, whose halves
-    are known. The noise of the mean is subtracted. Return it with the part of it that the mean of
-    LAG pixels along the beam has, less that of independent errors.
+    are known. The noise of the mean is subtracted. Return it with its grain, which is measured for
+    smooth courses.
     """
-    variances, in_common = [], 0.0
+    variances, smooth = [], 1.0
     for size in (2, 4):
         n = len(gray) // size * size
         halves = gray[:n].reshape(-1, 2, size // 2, gray.shape[1]).mean(axis=2)
@@ -241,25 +245,32 @@ def _curved_variance(gray: Floats, mean_variance: Floats) -> tuple[float, float]
         # Of both halves, and of two pixels' means.
         noise = noise[1:-1] * (4 / size + 2 / size / 16)
         variances.append(max(float(np.mean(error**2) - np.mean(noise)), 0.0))
-        if size == 2 and variances[0] > 0:
-            in_common = _in_common([error], variances[0])
+        if size == 2:
+            smooth = _smooth_grain(error, float(np.mean(noise)))
     small, large = variances
-    return small**2 / max(large, small, 1e-12), in_common
+    return small**2 / max(large, small, 1e-12), NO_GRAIN._replace(smooth=smooth)
 
 
-def _in_common(errors: Sequence[Floats], variance: float) -> float:
-    """Estimate the part of a variance that LAG neighbours have in common, from errors (k, n).
+def _grain_along(errors: Floats) -> float:
+    """Estimate how many neighbours err as one, from errors (k, n) of n pixels along the beam.
 
-    It is the variance of their mean, less the part of independent errors in it; from 0 to 1.
+    It is the variance of their mean over LAG pixels, over that of independent errors.
     """
     lags = np.arange(1, LAG)
-    products = [
-        sum(float((error[:, :-lag] * error[:, lag:]).sum()) for error in errors)
-        / max(sum(error[:, lag:].size for error in errors), 1)
-        for lag in lags
-    ]
-    in_common = 2 * float((LAG - lags) @ products) / (LAG**2 * variance)
-    return min(max(in_common, 0.0), 1.0)
+    products = [np.mean(errors[:, :-lag] * errors[:, lag:]) for lag in lags]
+    grain = 1 + 2 * float((LAG - lags) @ products) / (LAG * float(np.mean(errors**2)))
+    return min(max(grain, 1.0), float(LAG))
+
+
+def _smooth_grain(errors: Floats, noise: float = 0.0) -> float:
+    """Estimate the variance that smooth courses have of errors (k, n), over independent ones.
+
+    `noise` is the part of the variance that comes from independent errors of another kind.
+    """
+    place = np.linspace(-1, 1, errors.shape[1])
+    courses = np.linalg.qr(np.polynomial.chebyshev.chebvander(place, int(REST_DEGREE)))[0]
+    smooth, variance = np.mean((errors @ courses) ** 2), np.mean(errors**2)
+    return max(float((smooth - noise) / max(variance - noise, 1e-12)), 1.0)
 
 
 class _Band(NamedTuple):
@@ -275,11 +286,10 @@ class _Band(NamedTuple):
 
 
 class _Interpolated(NamedTuple):
-    """The ground (height, width), its variance in the band, and two fields of `Ground`."""
+    """The ground (height, width), its variance in the band, and the grain of its errors there."""
 
     gray: Floats
     variance: Floats
-    in_common: float
     grain: Grain
 
 
@@ -296,24 +306,29 @@ def _interpolated(gray: Floats, middle: Floats, n: int) -> _Interpolated:
     step = np.concatenate([band.step for band in tried])
     errors = [gray[band.rows, band.columns] - band.gray for band in tried]
     square = np.concatenate(errors) ** 2
-    alike, by_step, in_common = np.zeros(2 * n + 1), np.ones(2 * n + 1), 0.0
-    grain = Grain(1.0, 1.0)
+    alike, by_step = np.zeros(2 * n + 1), np.ones(2 * n + 1)
+    grain = NO_GRAIN
     if len(step) > LAG:
         alike = square[step[:, 0] <= np.median(step)].mean(axis=0)
         by_step = np.maximum((square - alike).sum(axis=0), 0.0) / max(float(step.sum()), 1e-12)
         sigmas = [np.sqrt(alike + by_step * band.step + 1e-12) for band in tried]
         in_sigmas = [(error / sigma).T for error, sigma in zip(errors, sigmas, strict=True)]
-        in_common = _in_common(in_sigmas, 1.0)
         # The variance of the sum across the band, over that of independent errors.
         across = np.concatenate([each.sum(axis=0) for each in in_sigmas]) ** 2 / (2 * n + 1)
-        grain = Grain(1 + LAG * in_common, max(float(across.mean()), 1.0))
+        long = [each for each in in_sigmas if each.shape[1] > LAG]
+        if long:
+            along, smooth = (
+                float(np.mean([measure(each) for each in long]))
+                for measure in (_grain_along, _smooth_grain)
+            )
+            grain = Grain(along, max(float(across.mean()), 1.0), smooth)
     result, variance = gray.copy(), np.zeros_like(gray)
     band = _band(gray, columns, course, n)
     result[band.rows, band.columns] = band.gray
     # Columns that do not show all of the band are not interpolated.
     variance[:] = square.mean(axis=0).max() if len(step) else 0.0
     variance[band.rows, band.columns] = alike + by_step * band.step
-    return _Interpolated(result, variance, in_common, grain)
+    return _Interpolated(result, variance, grain)
 
 
 def _band(

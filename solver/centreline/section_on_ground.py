@@ -29,11 +29,11 @@ DIFFERENCE = 1e-6
 class GroundErrors(NamedTuple):
     """Variance of the points at rest by the ground, over that by the noise of their mean image.
 
-    `in_common` is the part that the mean of LAG points has, less that of independent errors.
+    `smooth` is what is added to it in smooth courses, where neighbours on one grain err as one.
     """
 
     whole: float
-    in_common: float
+    smooth: float
 
 
 NO_GROUND_ERRORS: Final = GroundErrors(0.0, 0.0)
@@ -200,7 +200,8 @@ def section_on_ground(
         (weight[shown] ** 2 * part[shown]).sum(axis=1) for part in (of_mean, of_ground, of_fine)
     )
     whole, fine = float(np.median(by_ground / by_noise)), float(np.median(by_fine / by_noise))
-    errors = GroundErrors(whole, (fine if ground.bare_images else whole) * ground.in_common)
+    of_grain = fine if ground.bare_images else whole
+    errors = GroundErrors(whole, of_grain * (ground.grain.smooth - 1))
     return BeamOnGround(section(p), amplitude, off_path, errors)
 
 

@@ -10,7 +10,6 @@ from solver.at_rest.rest_points import without_grid_error
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
 from solver.centreline.section_on_ground import GroundErrors
-from solver.centreline.smooth import LAG
 from solver.instrument.beam_shape import UNIFORM
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
@@ -189,10 +188,7 @@ def test_errors_of_a_known_ground_do_not_follow_the_rows(length: int) -> None:
             for one in images
         ]
         # The mean of four images has a quarter of the variance of one.
-        lags = np.arange(1, LAG)
-        rho = np.clip(1 - lags / length, 0, None)
-        in_common = 2 * float((LAG - lags) @ rho) / LAG**2
-        stated = GroundErrors(4.0, 4.0 * in_common)
+        stated = GroundErrors(4.0, 4.0 * (length - 1))
         rest = fit_rest_line(wrong, Calibration(LEVEL, 0.02), rig(), stated)
         error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
         chi2.append(error @ np.linalg.solve(rest.line_covariance, error))

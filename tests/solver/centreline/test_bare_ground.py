@@ -171,12 +171,12 @@ def test_a_beam_within_one_pixel_has_no_centre_there() -> None:
         before = replace(narrow, bare_ground=bare(seed))
         errors = learn_profile_fit(images(light, 11), before).appearance.ground_errors
         assert errors.whole > 0
-        assert errors.in_common >= 0
+        assert errors.smooth >= 0
 
 
-def test_grain_along_the_beam_has_errors_in_common() -> None:
+def test_errors_are_as_long_as_the_grain() -> None:
     """What is within a pixel is as long as the grain: neighbours share it."""
-    shares = []
+    lengths = []
     for along in (1.0, 12.0):
         white = generator(__name__, 9).standard_normal((HEIGHT, WIDTH))
         waves = cv2.GaussianBlur(white, (0, 0), sigmaX=along, sigmaY=1.0)
@@ -187,10 +187,11 @@ def test_grain_along_the_beam_has_errors_in_common() -> None:
         assert ground is not None
         assert ground.bare_images == N_IMAGES
         assert ground.fine > 0
-        shares.append(ground.in_common)
-    # Over 16 pixels, errors that are 30 px long do not average out.
-    assert 0 <= shares[0] < 0.2
-    assert 0.5 < shares[1] <= 1
+        lengths.append(ground.grain.smooth)
+    # The integral of the correlation of noise that is blurred by a sigma is 3.5 sigma. The longer
+    # one is cut by the image's border.
+    assert 0.7 * 3.5 < lengths[0] < 1.4 * 3.5
+    assert 0.5 * 42 < lengths[1] < 1.2 * 42
 
 
 def test_the_mean_of_texture_blurs_with_a_shift_that_is_not_removed() -> None:
