@@ -56,8 +56,8 @@ TIP_MARGIN = 0.01
 # Largest distance [px] of the beam from the path along which its section is searched for. Chosen:
 # from 0.6 px on, fits of a sharp profile to a beam of one pixel ended at wrong places.
 FAR_PX = 0.3
-# How often the ground under a beam is interpolated again across its own width. Measured: the first
-# width may be too large by a fifth.
+# How often the ground under a beam is interpolated again across its own width. Measured: with an
+# edge two pixels beside a thin beam, the first width was 12 % too large, and the next one 6 %.
 NARROWER = 2
 # Least light of a beam, over that of the ground that it hides, to which a change of its light is
 # compared. Chosen: a black beam reflects a twentieth.
