@@ -472,7 +472,8 @@ def _look_before(
             reach = found.section.reach
             ground = learn_ground(rest.images, beam, reach, rest.noise, half) or ground
         found = section_on_ground(mean, variance, n, rest.places, rest.radius, half, ground, found)
-        beam, rest = _moved(beam, rest.places, found.off_path), _moved_by(rest, found.off_path)
+        beam = _moved(beam, rest.places, found.off_path)
+        rest = replace(rest, places=rest.places.moved(found.off_path))
     assert found is not None
     section, half = found.section, rest.half_width(found.section)
     table = own_light(section)
@@ -504,12 +505,6 @@ def _look_before(
         ground_errors=found.ground_errors,
         own_light=light,
     )
-
-
-def _moved_by(rest: RestColumns, off_path: Floats) -> RestColumns:
-    """Move the places of the columns by `off_path` (n,) [px] along the path's normal."""
-    places = rest.places
-    return replace(rest, places=places._replace(start=places.start + places.sense * off_path))
 
 
 def _to_the_tip(places: Floats, guide: Guide) -> Floats:

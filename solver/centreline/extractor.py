@@ -149,7 +149,7 @@ class BeamExtractor:
         course = self._course(image, flat, ground, places)
         if self.appearance.is_sampled and len(course.smooth):
             # Beside its middle, a profile of several lobes fits at wrong places, too.
-            places = places._replace(start=places.start + places.sense * course.smooth)
+            places = places.moved(course.smooth)
             course = self._course(image, flat, ground, places)
         columns, tip = course.columns, course.tip
         if not len(course.smooth):

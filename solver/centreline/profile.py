@@ -55,7 +55,7 @@ class Section:
 
     @property
     def reach(self) -> float:
-        """Distance [px] from the path within which pixels show the beam, half a pixel aside."""
+        """Largest distance [px] of pixels that show the beam from a path half a pixel beside it."""
         widest = self.radius * (1 + abs(self.taper) / 2)
         return widest + 2.5 * self.spread + 0.5
 

@@ -113,7 +113,8 @@ def section_on_ground(
     """Fit the section to the mean (height, width) of some rest images, along n stations.
 
     `noise_variance` (height, width) is that of a pixel of the mean; `radius` [px] is the rig's. The
-    search begins at the beam `found` before another ground, if there is one, on the path.
+    search begins at the beam `found` before another ground, if there is one: along the stations,
+    with its section and its amplitude.
     """
     used = places.within(half, mean.shape)
     columns = places.take(used)
@@ -185,6 +186,7 @@ def section_on_ground(
     p = min(fits, key=lambda fit: float(fit.cost)).x
     everywhere = course_basis(places.length, columns.length)
     amplitude, off_path = everywhere @ p[4 + terms :], everywhere @ p[4 : 4 + terms]
+    # The contrast with the ground's level.
     amplitude = ground.level * (amplitude - 2 * section(p).radius)
     cover = model.beam(section(p), course(p)[0]).cover
     seen = (1 - cover) ** 2

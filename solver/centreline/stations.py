@@ -37,6 +37,10 @@ class Stations(NamedTuple):
         """Return the stations at indices, in a mask or in a slice."""
         return Stations(*(values[which] for values in self))
 
+    def moved(self, off_path: Floats) -> "Stations":
+        """Move the path by `off_path` (n,) [px] along its normal."""
+        return self._replace(start=self.start + self.sense * off_path)
+
     def within(self, half: int, shape: tuple[int, ...]) -> Mask:
         """Mark stations (n,) with `half` pixels on either side of the path in an image."""
         middle, limit = np.rint(self.start), np.where(self.upright, shape[0], shape[1])
